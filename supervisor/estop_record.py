@@ -156,7 +156,7 @@ class RecordFiles:
             OSError: it cannot be written; the record itself is unchanged.
         """
         content = self._content + f"{by}\n".encode()
-        file = os.open(self._latched, os.O_WRONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        file = open_own(self._latched, os.O_WRONLY | os.O_NONBLOCK)
         try:
             os.ftruncate(file, os.pwrite(file, content, 0))
             os.fsync(file)

@@ -101,7 +101,11 @@ EXPECTED: tuple[tuple[str, int, tuple[str, ...]], ...] = (
     (
         f"{LIFELINE} render lab-report/drive.mcap --seconds 20 --fps 4 --size 480x270 --out lab-report/drive.mp4",
         0,
-        ("wrote lab-report/drive.mp4: ", "frames of 480x270", ": lab-report/drive.mcap, by its true pose, at x"),
+        (
+            "wrote lab-report/drive.mp4: ",
+            "frames of 480x270",
+            ": lab-report/drive.mcap, by its true pose, at x",
+        ),
     ),
     (
         f"{LIFELINE} render --drive --seconds 3 --out lab-report/lab-robot.png",
