@@ -22,7 +22,6 @@ from wire.host.runnable import runnable
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-    from rich.table import Table
 
     from deploy.stack.launch import Launch
     from deploy.stack.statedir import StateDir
@@ -180,16 +179,6 @@ def show(result: object, *pages: "RenderableType", as_json: bool) -> None:
     from rich.console import Console  # noqa: PLC0415 - slow, and not needed for JSON
 
     Console().print(*pages)
-
-
-def facts() -> "Table":
-    """Return an empty table with a name and a value in each row."""
-    from rich.table import Table  # noqa: PLC0415 - slow, and not needed for JSON
-
-    table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_column(style="bold", no_wrap=True)
-    table.add_column(overflow="fold")
-    return table
 
 
 class StatusLine:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from deploy.stack import processes, ros2_reports, supervisord
@@ -25,6 +24,7 @@ from deploy.stack.launch import ANY_BASE, SIMULATED, Launch
 from deploy.stack.reach import observing, silence_of
 from deploy.stack.ros2_reports import Report
 from deploy.stack.statedir import StateDir
+from deploy.stack.table import Table, facts
 from deploy.stack.takedown import listed
 from wire import tls, topics
 from wire.host.runnable import runnable
@@ -162,9 +162,7 @@ def table(look: Look) -> Table | Text:
     """Format the status as a table for the terminal."""
     if look.exit_code == EXIT_NOT_RUNNING:
         return Text(runnable(_idle(look) if look.latched is None else f"{_idle(look)}\n{look.latched}"))
-    table = Table(show_header=False, title=look.endpoint, title_justify="left")
-    table.add_column(style="bold")
-    table.add_column()
+    table = facts(look.endpoint)
     for node in (*look.nodes, *sorted(look.alive.difference(look.nodes))):
         alive = look.runs(node)
         note = f" (process {look.programs[node]})" if node in look.programs else ""
@@ -176,7 +174,7 @@ def table(look: Look) -> Table | Text:
         status = look.status
         table.add_row("mode", Text(look.mode or "", style=COLOURS[look.mode or "STOPPED"]))
         for name, why in _why(status):
-            table.add_row(name, Text(why))
+            table.add_row(name, why)
         for name, text in _estop(status):
             table.add_row(name, text)
         if status.rmw_zenoh_nodes:
@@ -188,9 +186,7 @@ def table(look: Look) -> Table | Text:
         table.add_row("nearest", nearest(status.nearest_m, status.nearest_bearing_rad, " from the hull"))
     for report in look.ros2:
         if report.name != ros2_reports.SUPERVISOR:
-            table.add_row(
-                Text(report.name), Text(runnable(report.message), style=ros2_reports.COLOURS[report.level])
-            )
+            table.add_row(report.name, Text(runnable(report.message), style=ros2_reports.COLOURS[report.level]))
     return table
 
 

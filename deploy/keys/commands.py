@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from deploy.keys.certificates import Subject, UnusableAuthorityError, make_authority, sign
@@ -23,6 +22,7 @@ from deploy.keys.register import (
     warnings,
 )
 from deploy.stack.errors import DeployError
+from deploy.stack.table import Column, Table
 from wire.host.runnable import runnable
 from wire.roles import Role
 
@@ -126,12 +126,7 @@ def show(table: list[Row]) -> None:
 
 
 def _to_table(table: list[Row]) -> Table:
-    shown = Table(box=None, pad_edge=False)
-    for column in ("name", "role", "robot"):
-        shown.add_column(column, overflow="fold")
-    shown.add_column("days left", justify="right")
-    shown.add_column("ends")
-    shown.add_column("revoked")
+    shown = Table("name", "role", "robot", Column("days left", right=True), "ends", "revoked")
     for row in table:
         days = "ended" if row.days_left < 0 else f"{row.days_left:.1f}"
         style = "dim" if row.revoked else "yellow" if row.ends_soon else ""

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rich.console import Console
-from rich.table import Column, Table
 from rich.text import Text
 
 from deploy.stack.errors import DeployError
 from deploy.stack.robot_file import read_robot
+from deploy.stack.table import Column, Table
 from lifeline.check.motions import Permitted, View, permitted_motions
 from lifeline.check.risks import Risk, held_cm, risks
 from lifeline.command import print_json
@@ -240,19 +240,8 @@ def _print(console: Console, file: Path, report: Report) -> None:
 
 
 def _lidar_table(report: Report) -> Table:
-    table = Table(title="lidars", title_justify="left", box=None, padding=(0, 1, 0, 0))
-    for heading in (
-        "name",
-        "topic",
-        "profile",
-        "mount x, y, yaw",
-        "view",
-        "beams",
-        "range",
-        "period",
-        "timeout",
-    ):
-        table.add_column(heading, overflow="fold", no_wrap=heading not in {"mount x, y, yaw", "view"})
+    headings = ("name", "topic", "profile", "mount x, y, yaw", "view", "beams", "range", "period", "timeout")
+    table = Table(*headings, title="lidars")
     for lidar, view in zip(report.config.all_lidars(), report.lidars, strict=True):
         gaps = view.beams - 1
         table.add_row(
@@ -271,7 +260,7 @@ def _lidar_table(report: Report) -> Table:
 
 def _motion_table(motions: tuple[Permitted, ...]) -> Table:
     title = "motions that the sensors permit in open space"
-    table = Table("motion", "at rest", "after driving ahead", title=title, title_justify="left")
+    table = Table("motion", "at rest", "after driving ahead", title=title)
     for permitted in motions:
         table.add_row(permitted.motion.name, _speed(permitted.at_rest), _speed(permitted.after_driving))
     return table
@@ -292,17 +281,15 @@ def _speed(decision: Decision) -> Text:
 
 def _risk_table(found: tuple[Risk, ...]) -> Table:
     title = "settings that create a risk"
-    table = Table(Column("setting", style="yellow"), "risk", title=title, title_justify="left")
+    table = Table(Column("setting", style="yellow"), "risk", title=title)
     for risk in found:
-        table.add_row(Text(risk.setting), Text(risk.sentence))  # no markup: "[sim]" is a name
+        table.add_row(risk.setting, risk.sentence)
     return table
 
 
 def _topic_table(uses: tuple[RosTopicUse, ...]) -> Table:
-    table = Table(title="ROS 2 topics", title_justify="left", box=None, padding=(0, 1, 0, 0))
-    for heading in ("use", "", "topic", "type", "note"):
-        table.add_column(heading, overflow="fold")
+    table = Table("use", "", "topic", "type", "note", title="ROS 2 topics")
     for one in uses:
         arrow = "→" if one.direction == "out" else "←"
-        table.add_row(*map(Text, (one.use, arrow, one.topic, one.type.rpartition("/")[2], one.note)))
+        table.add_row(one.use, arrow, one.topic, one.type.rpartition("/")[2], one.note)
     return table

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import COLOURS, nearest
-from lifeline.command import facts, print_json
+from deploy.stack.table import Column, Table, facts
+from lifeline.command import print_json
 from lifeline.incidents.incident import IncidentError, black_boxes, id_of, messages
 from lifeline.incidents.summary import Incident, Sample, read_incident
 from lifeline.recording import RecordingError, RecordingWriter, exists
@@ -53,12 +53,8 @@ def show_list(directory: Path, *, as_json: bool) -> int:
     if not paths:
         print(f"lifeline: no incidents in {directory}: a black box is written at each stop of a moving robot")
         return 0
-    table = Table(box=None, pad_edge=False)
-    table.add_column("ID (UTC)", no_wrap=True)
-    for name in ("reasons", "owner"):
-        table.add_column(name, overflow="fold")
-    for name in ("speed", "distance", "nearest"):
-        table.add_column(name, justify="right", no_wrap=True)
+    figures = [Column(name, right=True) for name in ("speed", "distance", "nearest")]
+    table = Table("ID (UTC)", "reasons", "owner", *figures)
     for path, short in zip(paths, _short_ids(paths), strict=True):
         table.add_row(*_row(path, short))
     Console().print(table)
@@ -139,25 +135,23 @@ def show(path: Path, seconds: float, *, as_json: bool) -> int:
 def _summary(incident: Incident) -> Table:
     table = facts()
     first, at, velocity, rest = incident.stops[0], incident.at_stop, incident.velocity, incident.braking
-    table.add_row("stop", Text(f"{first.utc.replace('T', ' ')} UTC"))
+    table.add_row("stop", f"{first.utc.replace('T', ' ')} UTC")
     for stop in incident.stops:
         after_s = stop.now_s - first.now_s
         for reason in stop.reasons:
             words = words_of(reason)
             caption = "" if words is None else f": {words.caption}"
-            table.add_row("reason", Text(f"{after_s:+.3f} s  {printable(reason)}{caption}"))
+            table.add_row("reason", f"{after_s:+.3f} s  {printable(reason)}{caption}")
     if at is not None:
-        table.add_row("owner", Text(printable(at.owner) or "none"))
+        table.add_row("owner", printable(at.owner) or "none")
         if at.detail:
-            table.add_row("detail", Text(printable(at.detail)))
-        table.add_row("nearest", Text(nearest(at.nearest_m, at.nearest_bearing_rad)))
-    table.add_row("speed", Text("no odometry" if velocity is None else f"{_speed(velocity)}, by odometry"))
+            table.add_row("detail", printable(at.detail))
+        table.add_row("nearest", nearest(at.nearest_m, at.nearest_bearing_rad))
+    table.add_row("speed", "no odometry" if velocity is None else f"{_speed(velocity)}, by odometry")
     if rest is not None:
-        table.add_row(
-            "stopping", Text(f"{rest.distance_m:.3f} m in {rest.to_standstill_s:.2f} s, by odometry")
-        )
+        table.add_row("stopping", f"{rest.distance_m:.3f} m in {rest.to_standstill_s:.2f} s, by odometry")
     if incident.left_out:
-        table.add_row("left out", Text(f"{incident.left_out:,} older steps, for lack of space"))
+        table.add_row("left out", f"{incident.left_out:,} older steps, for lack of space")
     if incident.problem:
         table.add_row("problem", Text(printable(incident.problem), "bold red"))
     return table
@@ -204,12 +198,8 @@ def table_of(rows: Sequence[Sample]) -> Table:
     """Return the table of the samples, of at most the first `MAX_ROWS`."""
     velocities = (one for sample in rows for one in sample.velocities if one is not None)
     turns = any(abs(one.angular_rad_s) >= TURN_RAD_S for one in velocities)
-    table = Table(box=None, pad_edge=False)
-    table.add_column("s", justify="right", no_wrap=True)
-    table.add_column("mode", no_wrap=True)
-    for name in ("requested", "permitted", "measured", "nearest"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("reasons", overflow="fold")
+    figures = [Column(name, right=True) for name in ("requested", "permitted", "measured", "nearest")]
+    table = Table(Column("s", right=True), "mode", *figures, "reasons")
     table.add_row("", "", *["m/s, rad/s" if turns else "m/s"] * 3, "m", "", style="dim")
     for sample in rows[:MAX_ROWS]:
         table.add_row(
@@ -217,7 +207,7 @@ def table_of(rows: Sequence[Sample]) -> Table:
             Text(sample.mode, COLOURS[sample.mode]),
             *(_twist(velocity, turns=turns) for velocity in sample.velocities),
             _value(sample.nearest_m),
-            Text(printable(sample.why)),
+            printable(sample.why),
         )
     if len(rows) > MAX_ROWS:
         table.add_row("…", "", "", "", "", "", f"{len(rows) - MAX_ROWS:,} more rows: see --json")

@@ -9,11 +9,11 @@ from typing import Any, cast
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import COLOURS, number
+from deploy.stack.table import Column, Table
 from lifeline.command import print_json
 from supervisor.blackbox.file import DECISION, INPUTS, STATE, dumps
 from supervisor.blackbox.reader import BlackBoxError, Document, read, stops_of
@@ -218,14 +218,9 @@ def _print(document: Document, found: Replay) -> None:
 
 
 def _timeline(phases: Sequence[Phase], stop_s: float) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))  # fits into 80 columns
-    for name in ("s from\nthe stop", "for s"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("mode", no_wrap=True)
-    table.add_column("owner", overflow="fold")
-    for name in ("requested\nm/s, rad/s", "permitted\nm/s, rad/s", "nearest\nm"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("reasons", overflow="fold")
+    times = [Column(name, right=True) for name in ("s from\nthe stop", "for s")]
+    velocities = [Column(f"{name}\nm/s, rad/s", right=True) for name in ("requested", "permitted")]
+    table = Table(*times, "mode", "owner", *velocities, Column("nearest\nm", right=True), "reasons")
     for i, phase in enumerate(phases):
         end_s = phases[i + 1].first_s if i + 1 < len(phases) else phase.last_s
         first, last = phase.first, phase.last

@@ -10,7 +10,6 @@ import time
 import tty
 from typing import NoReturn
 
-from rich.table import Table
 from rich.text import Text
 
 from deploy.stack import supervisord
@@ -19,6 +18,7 @@ from deploy.stack.launch import ANY_BASE, Launch, check_endpoint_is_free
 from deploy.stack.reach import NotRunningError, Observer, reach, run_command, silence_of
 from deploy.stack.robot_file import read_robot
 from deploy.stack.statedir import StateDir
+from deploy.stack.table import Column, Table
 from lifeline.command import show
 from lifeline.inspection.diagnosis import Finding, Observed, Terminal, Verdict, diagnose, is_healthy
 from lifeline.inspection.listening import Robot, robot_at
@@ -170,9 +170,7 @@ def _reports_releases(descriptor: int) -> bool | None:
 
 
 def _table(findings: list[Finding]) -> Table:
-    table = Table(box=None, pad_edge=False, show_header=False)
-    for overflow in ("ellipsis", "ellipsis", "fold"):
-        table.add_column(overflow=overflow)
+    table = Table("", Column(style="dim"), "")
     for finding in findings:
         text = Text(finding.what)
         if finding.remedy:

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from rich.console import RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import number
-from lifeline.command import facts, show
+from deploy.stack.table import Column, Table, facts
+from lifeline.command import show
 from lifeline.inspection.listening import Robot, inspection
 from lifeline.inspection.nodes import Node, describe, find
 from lifeline.inspection.traffic import KeyTraffic, Traffic
@@ -80,13 +80,10 @@ async def list_topics(robot: Robot, seconds: float, *, as_json: bool) -> int:
 
 
 def _topic_table(found: Iterable[Entry]) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for name in ("topic", "type", "may write", "writes"):
-        table.add_column(name, overflow="fold")
-    table.add_column("Hz", justify="right")
+    table = Table("topic", "type", "may write", "writes", Column("Hz", right=True))
     for entry in found:
         table.add_row(
-            Text(printable(entry.key)),
+            printable(entry.key),
             entry.type.rpartition("/")[2] or Text("unknown", style="dim"),
             entry.permitted or Text("foreign", style="dim"),
             Text(printable(", ".join(entry.writers)), style="bold red" if entry.problem else ""),
@@ -120,7 +117,7 @@ def _topic_facts(
     entry: Entry, writing: Sequence[Node], reading: Sequence[Node], heard: KeyTraffic | None
 ) -> Table:
     table = facts()
-    table.add_row("topic", Text(entry.key))
+    table.add_row("topic", entry.key)
     table.add_row("type", entry.type or "unknown")
     table.add_row("permitted writer", entry.permitted or "not a topic of this robot")
     rate = "nothing heard" if heard is None else f"{heard.rate_hz:.1f} Hz"
@@ -128,7 +125,7 @@ def _topic_facts(
     table.add_row("rate", f"{rate}{expected}")
     for title, nodes in (("writer", writing), ("reader", reading)):
         for node in nodes:
-            table.add_row(title, Text(printable(describe(node))))
+            table.add_row(title, printable(describe(node)))
     for _ in range(entry.writers.count("undeclared")):
         table.add_row("writer", "a program that declares no publisher (undeclared)")
     if not entry.writers:
@@ -165,10 +162,8 @@ def _node_json(node: Node) -> dict[str, Any]:
 
 
 def _node_table(nodes: Iterable[Node]) -> Table:
-    table = Table(box=None, pad_edge=False)
-    table.add_column("node", overflow="fold")
-    for name in ("pid", "host", "uptime", "writes", "reads", "serves"):
-        table.add_column(name, justify="left" if name == "host" else "right")
+    counts = [Column(name, right=True) for name in ("uptime", "writes", "reads", "serves")]
+    table = Table("node", Column("pid", right=True), "host", *counts)
     for node in nodes:
         session = node.session
         table.add_row(
@@ -234,16 +229,16 @@ def _rates(node: Node, traffic: Traffic) -> dict[str, float | None]:
 
 def _node_facts(node: Node, traffic: Traffic) -> Table:
     table = facts()
-    table.add_row("node", Text(printable(node.name)))
+    table.add_row("node", printable(node.name))
     if node.process is not None:
         table.add_row("pid", str(node.pid))
         table.add_row("uptime", _uptime(node.process.uptime_s))
-        table.add_row("command", Text(printable(" ".join(node.process.arguments))))
+        table.add_row("command", printable(" ".join(node.process.arguments)))
     table.add_row("host", node.host)
     session = node.session
     for title, keys in (("writes", session.writes), ("reads", session.reads), ("serves", session.serves)):
         for key in sorted(keys):
             heard = traffic.keys.get(key)
             rate = "" if heard is None else f"  {heard.rate_hz:.1f} Hz"
-            table.add_row(title, Text(printable(f"{key}{rate}")))
+            table.add_row(title, printable(f"{key}{rate}"))
     return table

@@ -1,11 +1,10 @@
 """The rows of `lifeline watch`: the state of each robot at a moment, as a table and as JSON lines."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from rich.table import Table
 from rich.text import Text
 
 from deploy.stack.formatting import (
@@ -17,17 +16,28 @@ from deploy.stack.formatting import (
     speed,
     status_json,
 )
+from deploy.stack.table import Column, Table
+from wire import topics
+from wire.message_types import MODES
 from wire.messages import Odometry, SafetyStatus, Twist
+from wire.reasons import StopReason
 from wire.text import printable
 
 LINE_PERIOD_S = 0.85
 """Maximum time between two JSON lines of a robot; with the update period (0.1 s) added, it is still below 1 s."""
 
-COLUMNS = ("robot", "mode", "reasons", "owner", "speed", "nearest", "link")
-FLEET_WIDTHS = {"nearest": len("12.31 m, 103°"), "link": len("no supervisor")}
-"""They leave the longest stop reason its width in 80 columns."""
 NOTHING = "–"
 NO_SUPERVISOR = "no supervisor"
+COLUMNS = (
+    Column("robot"),
+    Column("mode", *[max(map(len, MODES))] * 2),
+    Column("owner"),
+    Column("speed", len("-0.52 rad/s"), len("-0.31 m/s, -0.52 rad/s")),
+    Column("nearest", len("12.31 m, at"), len("12.31 m, at 103° right")),
+    Column("link", *[len(NO_SUPERVISOR)] * 2),
+    Column("reasons", *[max(map(len, StopReason)) + len(",")] * 2),
+)
+"""Their widths do not depend on the values, so that a live table does not jump; that of `owner` is set by `table`."""
 
 
 @dataclass(slots=True)
@@ -106,36 +116,33 @@ def cells(row: Row) -> tuple[str, ...]:
     robot = f"{row.namespace}@{row.endpoint}"
     velocity = speed(row.twist) if row.twist else NOTHING
     if row.status is None:
-        return robot, NOTHING, NOTHING, NOTHING, velocity, NOTHING, row.link
+        return robot, NOTHING, NOTHING, velocity, NOTHING, row.link, NOTHING
     return (
         robot,
         row.mode or NOTHING,
-        printable(row.status.why()) or NOTHING,
         printable(row.status.owner) or NOTHING,
         velocity,
         nearest(row.status.nearest_m, row.status.nearest_bearing_rad),
         row.link,
+        printable(row.status.why()) or NOTHING,
     )
 
 
-def table(rows: Iterable[Row], shared_endpoint: str | None = None) -> Table:
+def table(rows: Sequence[Row], shared_endpoint: str | None = None) -> Table:
     """Format the rows as a table for the terminal.
 
     Args:
         rows: one of each robot.
         shared_endpoint: of a fleet, of which no odometry is received: the title names it, and no speed is shown.
     """
-    page, columns = Table(), COLUMNS
+    sources = [source.name for row in rows if row.status is not None for source in row.status.sources]
+    owner = max(map(len, [topics.TELEOP, *sources]))
+    columns = {column.name: column for column in COLUMNS} | {"owner": Column("owner", owner, owner)}
     if shared_endpoint is not None:
-        title = Text(f"robots at {shared_endpoint}")
-        page = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0))
-        columns = tuple(name for name in COLUMNS if name != "speed")
-    for name in columns:
-        page.add_column(
-            name, overflow="fold", max_width=None if shared_endpoint is None else FLEET_WIDTHS.get(name)
-        )
+        del columns["speed"]
+    page = Table(*columns.values(), title="" if shared_endpoint is None else f"robots at {shared_endpoint}")
     for row in rows:
-        texts = {name: Text(text) for name, text in zip(COLUMNS, cells(row), strict=True)}
+        texts = {column.name: Text(text) for column, text in zip(COLUMNS, cells(row), strict=True)}
         if shared_endpoint is not None:
             texts["robot"] = Text(row.namespace)
         if row.status is None:

@@ -10,11 +10,11 @@ from typing import NoReturn, Protocol
 
 from rich.console import Console
 from rich.live import Live
-from rich.table import Table
 
 from deploy.stack.errors import EXIT_NOT_RUNNING, DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.reach import run_command
+from deploy.stack.table import Table
 from lifeline.watch.rows import Lines, Row, Watched, row_at, table, to_json
 from wire import topics
 from wire.bus import Bus, BusError, Subscription, wait_until

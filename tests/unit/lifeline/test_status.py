@@ -31,8 +31,8 @@ def printed(seen: Look) -> str:
 
 
 def row(seen: Look, name: str) -> str | None:
-    rows = [line.strip("│┃ ").split("│") for line in printed(seen).splitlines()]
-    return next((cells[1].strip() for cells in rows if cells[0].strip() == name), None)
+    lines = (line for line in printed(seen).splitlines() if line.startswith(f"{name}  "))
+    return next((line.removeprefix(name).strip() for line in lines), None)
 
 
 def test_what_holds_and_what_is_over_have_a_row_each() -> None:

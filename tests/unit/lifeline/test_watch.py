@@ -72,7 +72,7 @@ def test_without_a_status_the_link_says_connecting_then_no_supervisor() -> None:
 
 def test_causes_come_before_latched_reasons_in_the_table() -> None:
     row = row_at(watched(status(causes=["OBSTACLE"], latched=["OVERRUN"])), 10.0)
-    assert cells(row)[2] == "OBSTACLE, OVERRUN (over)"
+    assert cells(row)[-1] == "OBSTACLE, OVERRUN (over)"
 
 
 def test_a_fleet_names_its_endpoint_once_shows_no_speed_and_has_short_rows_on_80_columns() -> None:
@@ -89,6 +89,27 @@ def test_a_fleet_names_its_endpoint_once_shows_no_speed_and_has_short_rows_on_80
     assert "speed" not in capture.get()
     title, heading = 1, 1
     assert len(lines) <= title + heading + 2 + 2, capture.get()
+
+
+@pytest.mark.parametrize("columns", [40, 60, 80, 120])
+@pytest.mark.parametrize("endpoint", [None, ENDPOINT])
+def test_a_value_of_another_length_moves_no_column(columns: int, endpoint: str | None) -> None:
+    quiet = watched(status(SafetyStatus.READY, nearest_m=math.nan))
+    busy = watched(
+        status(causes=["ESTOP_STATION_LOST"], owner="teleop", nearest_m=12.31, nearest_bearing_rad=-1.8),
+        odometry=odometry((1.0, 2.0, 0.0), (-0.31, -0.52)),
+        odometry_s=10.0,
+    )
+    silent = watched(status())
+    silent.status_s = 0.0
+    console = Console(width=columns)
+    headings = set[str]()
+    for robot in (quiet, busy, silent):
+        robot.namespace = "rover"
+        with console.capture() as capture:
+            console.print(table([row_at(robot, 10.0)], endpoint))
+        headings.add(capture.get().partition("rover")[0])
+    assert len(headings) == 1
 
 
 def test_control_sequences_from_the_network_do_not_reach_the_terminal() -> None:
