@@ -186,7 +186,9 @@ def table(look: Look) -> Table | Text:
         table.add_row("nearest", nearest(status.nearest_m, status.nearest_bearing_rad, " from the hull"))
     for report in look.ros2:
         if report.name != ros2_reports.SUPERVISOR:
-            table.add_row(report.name, Text(runnable(report.message), style=ros2_reports.COLOURS[report.level]))
+            table.add_row(
+                report.name, Text(runnable(report.message), style=ros2_reports.COLOURS[report.level])
+            )
     return table
 
 

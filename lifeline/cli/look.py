@@ -73,6 +73,16 @@ FileOrId = Annotated[
         "A recording (.mcap), a black box (.jsonl.gz) or an incident's ID. Default: the running robot.",
     ),
 ]
+Also = Annotated[
+    float | None,
+    option(
+        "--seconds",
+        "S",
+        "Also listen for S seconds, for the rate and for writers that declare nothing. Default: answer at once.",
+        min=0.1,
+        max=3600.0,
+    ),
+]
 Until = Annotated[
     float | None,
     option("--seconds", "S", "End after S seconds. Default: until Ctrl-C.", min=0.1, max=86400.0),
@@ -309,7 +319,7 @@ def topic_list(robot: Robot, *, seconds: Listen = 2.0, as_json: Json = False) ->
 
 
 @robot_command(topic_app, "info")
-def topic_info(robot: Robot, *, key: Name, seconds: Listen = 2.0, as_json: Json = False) -> None:
+def topic_info(robot: Robot, *, key: Name, seconds: Also = None, as_json: Json = False) -> None:
     """Print the writers and readers of a topic. Exit 1 if it has more writers than permitted."""
     from lifeline.inspection.listing import show_topic
 

@@ -93,34 +93,38 @@ def _topic_table(found: Iterable[Entry]) -> Table:
 
 
 @inspection
-async def show_topic(robot: Robot, name: str, seconds: float, *, as_json: bool) -> int:
-    """Print the type, writers and readers of a topic. Exit 1 if more than the permitted writer writes it."""
+async def show_topic(robot: Robot, name: str, seconds: float | None, *, as_json: bool) -> int:
+    """Print the type, writers and readers of a topic. Exit 1 if more than the permitted writer writes it.
+
+    Without `seconds`, it does not listen: only declared writers are known, and no rate.
+    """
     key = robot.key(name)
-    traffic, nodes = await robot.traffic(seconds, key), await robot.nodes()
-    heard, topic = traffic.keys.get(key), robot.topic(key)
+    heard = None if seconds is None else (await robot.traffic(seconds, key)).keys.get(key)
+    nodes, topic = await robot.nodes(), robot.topic(key)
     entry = _entry(key, topic, nodes, heard)
     writing = [node for node in nodes if key in node.session.writes]
     reading = [node for node in nodes if node.reads(key)]
     if topic is None and heard is None and not writing and not reading:
-        raise DeployError(f"no program declares or writes {key}: see `lifeline topic list`")
+        raise DeployError(f"no program declares {key}: see `lifeline topic list`")
     document = entry.to_json() | {
         "writers": [_brief_json(node) for node in writing],
-        "undeclared_writers": entry.writers.count("undeclared"),
+        "undeclared_writers": None if seconds is None else entry.writers.count("undeclared"),
         "readers": [_brief_json(node) for node in reading],
         "problem": entry.problem or None,
     }
-    show(document, _topic_facts(entry, writing, reading, heard), as_json=as_json)
+    if seconds is None:
+        rate = "not measured without --seconds"
+    else:
+        rate = "nothing heard" if heard is None else f"{heard.rate_hz:.1f} Hz"
+    show(document, _topic_facts(entry, writing, reading, rate), as_json=as_json)
     return 1 if entry.problem else 0
 
 
-def _topic_facts(
-    entry: Entry, writing: Sequence[Node], reading: Sequence[Node], heard: KeyTraffic | None
-) -> Table:
+def _topic_facts(entry: Entry, writing: Sequence[Node], reading: Sequence[Node], rate: str) -> Table:
     table = facts()
     table.add_row("topic", entry.key)
     table.add_row("type", entry.type or "unknown")
     table.add_row("permitted writer", entry.permitted or "not a topic of this robot")
-    rate = "nothing heard" if heard is None else f"{heard.rate_hz:.1f} Hz"
     expected = "" if entry.expected_hz is None else f", expected {entry.expected_hz:g} Hz"
     table.add_row("rate", f"{rate}{expected}")
     for title, nodes in (("writer", writing), ("reader", reading)):

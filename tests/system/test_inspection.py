@@ -227,7 +227,7 @@ def test_a_second_writer_of_the_scan_is_found(shared: Robot, *, declares: bool) 
                 publisher.put(b"x", attachment=stamp)
 
         with repeated(write, 0.05):
-            code, output, _ = in_process(shared, "topic", "info", "scan", "--json")
+            code, output, _ = in_process(shared, "topic", "info", "scan", "--seconds", "2", "--json")
     info = json.loads(output)
     assert code == 1
     assert info["problem"] == "2 programs write robot/scan, but only one may: stop all but sim"
@@ -237,6 +237,19 @@ def test_a_second_writer_of_the_scan_is_found(shared: Robot, *, declares: bool) 
         assert os.getpid() in pids.values()
     else:
         assert info["undeclared_writers"] == 1
+
+
+def test_the_info_of_a_topic_listens_only_if_it_is_asked_to(shared: Robot) -> None:
+    code, output, _ = in_process(shared, "topic", "info", "scan", "--json")
+    info = json.loads(output)
+    assert (code, [one["node"] for one in info["writers"]]) == (0, ["sim"])
+    assert "supervisor" in [one["node"] for one in info["readers"]]
+    assert (info["rate_hz"], info["undeclared_writers"], info["expected_hz"]) == (None, None, 20.0)
+    _, output, _ = in_process(shared, "topic", "info", "scan", "--seconds", "1", "--json")
+    info = json.loads(output)
+    assert (info["rate_hz"] > 0.0, info["undeclared_writers"]) == (True, 0)
+    text = in_process(shared, "topic", "info", "scan")[1]
+    assert "rate              not measured without --seconds, expected 20 Hz" in text
 
 
 def test_a_forged_report_of_the_hub_does_not_hide_a_second_writer(shared: Robot) -> None:
