@@ -99,6 +99,7 @@ async def _run(stop: asyncio.Event, options: Options) -> int:
                     stack.enter_context(options.gamepad.reading(wake=wake, say=teleop.note))
                 if isinstance(pilot, Hold):
                     teleop.note(pilot.explanation)
+                    pilot.say = teleop.note
                 await teleop.run(stop)
                 terminal.note("ended" if pilot is None else "ended; the last command was zero")
     except HeldError as error:

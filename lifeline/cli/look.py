@@ -75,13 +75,7 @@ FileOrId = Annotated[
 ]
 Also = Annotated[
     float | None,
-    option(
-        "--seconds",
-        "S",
-        "Also listen for S seconds, for the rate and for writers that declare nothing. Default: answer at once.",
-        min=0.1,
-        max=3600.0,
-    ),
+    option("--seconds", "S", "Also listen, for the rate and undeclared writers.", min=0.1, max=3600.0),
 ]
 Until = Annotated[
     float | None,

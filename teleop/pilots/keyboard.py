@@ -11,6 +11,7 @@ after any stop a key must be pressed again. On other terminals, a held key is de
 
 import math
 from collections import deque
+from collections.abc import Callable
 
 from teleop.pilots.keys import STOP_KEY, level_of
 from teleop.pilots.pilot import LEVELS, NEUTRAL, KeyEvent, KeyKind, Ramp, Velocity, amount
@@ -163,6 +164,8 @@ class Hold(_KeyPilot):
         self._reports_releases = False
         self._held: dict[str, None] = {}
         self._repeats = Repeats()
+        self.say: Callable[[str], None] | None = None
+        """Shows the operator that a tap was too short."""
 
     @property
     def note(self) -> str:
@@ -207,6 +210,8 @@ class Hold(_KeyPilot):
             self.let_go()
 
     def velocity(self, now_s: float) -> Velocity:
+        if self._repeats.was_tap(now_s) and self.say is not None:
+            self.say("a tap is too short to move the robot: hold the key until it repeats")
         key = self._repeats.held(now_s)
         keys = tuple(self._held) if key is None else (key,)
         speed = self._allowed()
@@ -238,6 +243,8 @@ PROOF_S = 0.11
 MIN_WINDOW_S = 0.1
 WINDOW_INTERVALS = 2.5
 """A key counts as released after this many repeat intervals without a repeat."""
+TAP_S = 0.8
+"""A key that has not repeated for this long was tapped: terminals begin to repeat a held key within 0.66 s."""
 REMEMBERED = 20
 """Number of recent intervals of which the longest is used, to allow for a link with uneven delivery."""
 
@@ -280,6 +287,13 @@ class Repeats:
     def held(self, now_s: float) -> str | None:
         """Return the key that is held at `now_s`; None if none is."""
         return self._key if now_s < self.until_s else None
+
+    def was_tap(self, now_s: float) -> bool:
+        """Return once whether a key was pressed and did not repeat; the key no longer counts then."""
+        is_tap = self._key != "" and self.until_s == -math.inf and now_s - self._last_s >= TAP_S
+        if is_tap:
+            self._key = ""
+        return is_tap
 
     def forget(self) -> None:
         """Release the held key, whose further repeats are void until a pause; keep the learned repeat intervals."""

@@ -93,6 +93,7 @@ async def test_holding_where_the_terminal_reports_no_releases() -> None:
         op.type(b"i")  # a tap
         await until(lambda: len(h.velocities) >= before + HEARTBEATS_OF_A_TAP)
         assert set(h.velocities) == {ZERO}
+        await until(lambda: "a tap is too short to move" in op.picture)
         seen = len(h.velocities)
         await hold_down(op, b"i", lambda: h.asks(0.5, 0.0))
         await until(lambda: h.asks(*ZERO))

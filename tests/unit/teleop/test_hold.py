@@ -14,6 +14,7 @@ from teleop.pilots.keyboard import (
     MOTIONS,
     PROOF_S,
     SPEEDS,
+    TAP_S,
     WINDOW_INTERVALS,
     Hold,
     Repeats,
@@ -285,6 +286,33 @@ def test_on_every_usual_keyboard_it_neither_stutters_nor_runs_on_and_a_tap_moves
     assert outcome.runs_on_s <= MIN_WINDOW_S + 0.005
     assert outcome.tap_s == 0.0
     assert outcome.start_s == pytest.approx(keyboard.delay_s + keyboard.interval_s, abs=0.006)
+
+
+@pytest.mark.parametrize("keyboard", KEYBOARDS, ids=lambda keyboard: keyboard.name)
+def test_without_releases_a_tap_says_once_that_it_was_too_short_and_a_held_key_never(
+    keyboard: Keyboard,
+) -> None:
+    subject, said = pilot(releases=False), list[str]()
+    subject.say = said.append
+    for at_s in (1.0, *(1.0 + keyboard.delay_s + n * keyboard.interval_s for n in range(9))):
+        happen(subject, ("i", PRESS), at_s=at_s)
+        subject.velocity(math.nextafter(at_s + keyboard.interval_s, 0.0))
+    subject.velocity(9.0)
+    assert said == []
+    happen(subject, ("i", PRESS), at_s=10.0)
+    subject.velocity(math.nextafter(10.0 + TAP_S, 0.0))
+    assert said == []
+    for at_s in (math.nextafter(10.0 + TAP_S, 11.0), 12.0):
+        assert subject.velocity(at_s) == NEUTRAL
+    assert said == ["a tap is too short to move the robot: hold the key until it repeats"]
+
+
+def test_a_key_that_was_let_go_of_by_a_stop_is_no_tap() -> None:
+    subject, said = pilot(releases=False), list[str]()
+    subject.say = said.append
+    happen(subject, ("i", PRESS), ("k", PRESS))
+    subject.velocity(9.0)
+    assert said == []
 
 
 def test_the_decision_shows_what_is_measured() -> None:
