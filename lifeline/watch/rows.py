@@ -18,7 +18,6 @@ from deploy.stack.formatting import (
 )
 from deploy.stack.table import Column, Table
 from wire import topics
-from wire.message_types import MODES
 from wire.messages import Odometry, SafetyStatus, Twist
 from wire.reasons import StopReason
 from wire.text import printable
@@ -28,14 +27,15 @@ LINE_PERIOD_S = 0.85
 
 NOTHING = "–"
 NO_SUPERVISOR = "no supervisor"
+LONGEST_REASON = max(map(len, StopReason)) + len(",")
 COLUMNS = (
     Column("robot"),
-    Column("mode", *[max(map(len, MODES))] * 2),
+    Column("mode", len("STOPPED"), len("STOPPED")),
     Column("owner"),
     Column("speed", len("-0.52 rad/s"), len("-0.31 m/s, -0.52 rad/s")),
     Column("nearest", len("12.31 m, at"), len("12.31 m, at 103° right")),
-    Column("link", *[len(NO_SUPERVISOR)] * 2),
-    Column("reasons", *[max(map(len, StopReason)) + len(",")] * 2),
+    Column("link", len(NO_SUPERVISOR), len(NO_SUPERVISOR)),
+    Column("reasons", LONGEST_REASON, LONGEST_REASON),
 )
 """Their widths do not depend on the values, so that a live table does not jump; that of `owner` is set by `table`."""
 
