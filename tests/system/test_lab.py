@@ -82,7 +82,7 @@ EXPECTED: tuple[tuple[str, int, tuple[str, ...]], ...] = (
     (f"{LIFELINE} graph --out lab-report/graph.png", 0, (r"graph.png: 3 nodes",)),
     (f"{LIFELINE} topic pub sim/obstacle '{{z: -1}}' --once", 0, ("published on robot/sim/obstacle",)),
     ("kill -9 $(.venv/bin/lifeline pid teleop)", 0, ()),
-    (f"{LIFELINE} status", 0, ("teleop +│ not alive", "STOPPED", "SOURCE_LOST")),
+    (f"{LIFELINE} status", 0, ("teleop +not alive", "STOPPED", "SOURCE_LOST")),
     (f"{LIFELINE} doctor", 1, ("SOURCE_LOST",)),
     (f"{LIFELINE} incidents list", 0, ("OBSTACLE", r"SOURCE_LOST.* teleop +0\.[45]\d m/s +0\.[01]\d m ")),
     (
