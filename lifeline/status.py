@@ -29,6 +29,7 @@ from deploy.stack.takedown import listed
 from wire import tls, topics
 from wire.host.runnable import runnable
 from wire.messages import Odometry, SafetyStatus, Twist
+from wire.reasons import words_of
 from wire.text import printable
 
 CONNECT_LIMIT_S = 1.0
@@ -219,8 +220,10 @@ def _why(status: SafetyStatus) -> Iterator[tuple[str, str]]:
     """Yield the rows about a stop or limit: present causes, then latched ones."""
     causes, latched = status.causes_and_latched()
     if causes:
-        detail = f": {status.detail}" if status.detail else ""
-        yield "causes", printable(f"{', '.join(causes)}{detail}")
+        words = words_of(causes[0])
+        detail = status.detail or ("" if words is None else words.caption)
+        first = f"{causes[0]}: {detail}" if detail else causes[0]
+        yield "causes", printable("; also ".join(filter(None, (first, ", ".join(causes[1:])))))
     if latched:
         hint = "" if causes else f": no longer present; {GO_NEUTRAL} to drive again"
         yield "latched", printable(f"{', '.join(latched)}{hint}")

@@ -46,6 +46,17 @@ def test_what_holds_and_what_is_over_have_a_row_each() -> None:
     assert row(seen, "latched") == "OVERRUN"
 
 
+def test_the_details_stand_beside_the_cause_that_they_explain() -> None:
+    detail = "pressed by teleop, 2026-11-26 17:02:04"
+    seen = look(reasons=["ESTOP", "NO_COMMAND"], causes=["ESTOP", "NO_COMMAND"], detail=detail)
+    assert row(seen, "causes") == f"ESTOP: {detail}; also NO_COMMAND"
+
+
+def test_a_cause_without_details_is_explained() -> None:
+    seen = look(reasons=["SOURCE_LOST"], causes=["SOURCE_LOST"])
+    assert row(seen, "causes") == "SOURCE_LOST: command source lost"
+
+
 def test_where_all_is_over_it_says_what_to_do() -> None:
     seen = look(reasons=["OVERRUN", "SCAN_STALE"], latched=["OVERRUN", "SCAN_STALE"])
     assert row(seen, "causes") is None
@@ -64,7 +75,7 @@ def test_an_estop_that_was_reset_is_not_shown_as_latched_until_reset() -> None:
 
 def test_the_reasons_of_an_older_supervisor_are_taken_to_hold() -> None:
     seen = look(reasons=["OVERRUN", "SCAN_STALE"])
-    assert row(seen, "causes") == "OVERRUN, SCAN_STALE"
+    assert row(seen, "causes") == "OVERRUN: the supervisor was late; also SCAN_STALE"
     assert row(seen, "latched") is None
 
 
