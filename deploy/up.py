@@ -97,7 +97,7 @@ def hints(state: StateDir, launch: Launch) -> Iterator[str]:
             f"--robot {launch.bus.namespace}`"
         )
     if launch.participants is not None:
-        yield f"foreign Zenoh programs of this user take part at {launch.participants}"
+        yield f"your own Zenoh programs connect to {launch.participants}"
 
 
 def _can_drive(bus: BusConfig) -> bool:

@@ -54,6 +54,10 @@ def test_teleop_is_named_only_if_it_has_a_bundle_of_the_role_operator(tmp_path: 
     assert "drive with `" in said(tmp_path, bundles)
 
 
+def test_the_address_for_other_programs_is_named_in_plain_words(tmp_path: Path) -> None:
+    assert "your own Zenoh programs connect to unixsock-stream/" in said(tmp_path)
+
+
 def test_teleop_of_another_robot_than_the_default_is_named_with_its_options() -> None:
     drive = Launch.read(None, "tcp/127.0.0.1:7448").drive
     assert drive.startswith("lifeline teleop --config ")
