@@ -37,7 +37,7 @@ from wire.host.config import BusSection, ConfigError, section
 from wire.host.process import run_process
 from wire.host.runnable import runnable
 from wire.roles import Role
-from wire.zenoh.bus import open_bus
+from wire.zenoh.bus import DEFAULT_ENDPOINT, open_bus
 from wire.zenoh.hub_proof import HubProof
 
 REDRAW_PERIOD_S = 0.5
@@ -140,7 +140,8 @@ class _Waiting:
 
         def on_wait() -> None:
             quits = "Ctrl-C" if self._options.setup.control is Control.HOLD else "q"
-            self._note(f"waiting for the supervisor at {section.endpoint}; {quits} quits")
+            start = "`lifeline up --detach` starts it; " if section.endpoint == DEFAULT_ENDPOINT else ""
+            self._note(runnable(f"waiting for the supervisor at {section.endpoint}; {start}{quits} quits"))
 
         config = section.to_bus_config(Role.OPERATOR)
         opening = asyncio.ensure_future(

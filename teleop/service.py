@@ -509,7 +509,7 @@ class Teleop:
             setup.endpoint,
             control=setup.control,
             control_note="" if pilot is None else pilot.note,
-            level=1 if pilot is None else pilot.level,
+            level=None if pilot is None else pilot.level,
             limit=None if pilot is None else pilot.limit,
             wanted=NEUTRAL if pilot is None else pilot.wanted(),
             sent=self._sent,

@@ -147,7 +147,7 @@ def _banner(view: View, columns: int) -> list[Line]:
 
 def _names(what: News) -> str:
     """Return the names of the stop reasons: those that hold, then those that are over."""
-    over = ("over:", *what.over) if what.over else ()
+    over = (f"(over: {' '.join(what.over)})",) if what.over else ()
     return " ".join((*what.reasons, *over))
 
 
@@ -313,13 +313,13 @@ def _position(view: View, glyphs: Glyphs) -> list[Line]:
 
 
 def _control(view: View, columns: int, glyphs: Glyphs) -> list[Line]:
-    level = max(0, min(LEVELS, view.level))
-    steps = glyphs.on * level + glyphs.off * (LEVELS - level)
     name = Segment(view.control.value, Tone.STRONG)
     note = _ours(view.control_note, glyphs)[: columns - 1]
     second = (Segment(f" {note}", Tone.DIM),)
-    if view.control is Control.VIEW_ONLY:
+    if view.control is Control.VIEW_ONLY or view.level is None:
         return [(_label("control"), name), second]
+    level = max(0, min(LEVELS, view.level))
+    steps = glyphs.on * level + glyphs.off * (LEVELS - level)
     lines: list[Line] = [(_label("control"), name, Segment(f"   speed {steps} {level} of {LEVELS}"))]
     if view.limit is not None:
         lines.append((_label("  up to"), Segment(amounts(view.limit)[: columns - 10])))

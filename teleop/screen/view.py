@@ -129,8 +129,8 @@ class View:
     control: Control = Control.INCREMENTAL
     control_note: str = ""
     """How the control works on this terminal: "hold: key releases reported by the terminal"."""
-    level: int = 1
-    """Speed level, 1 to 5."""
+    level: int | None = None
+    """Speed level, 1 to 5; None if nothing can be commanded."""
     limit: Velocity | None = None
     """Maximum of each velocity at the speed level; None if nothing can be commanded."""
     wanted: Velocity = NEUTRAL

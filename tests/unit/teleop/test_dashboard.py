@@ -94,7 +94,7 @@ def test_what_is_over_stands_after_what_holds() -> None:
     first, second, *_ = shown(driving(over("OVERRUN", causes=("SCAN_STALE",), scan_age_s=0.4))).splitlines()
     assert first.rstrip() == " STOPPED: the newest scan is 0.4 s old"
     assert second.startswith(" > wait for the lidar, press s ")
-    assert second.endswith(" SCAN_STALE over: OVERRUN ")
+    assert second.endswith(" SCAN_STALE (over: OVERRUN) ")
 
 
 @pytest.mark.parametrize("reason", REASONS)
@@ -103,7 +103,7 @@ def test_a_stop_that_is_over_asks_for_one_key_and_fits_80_columns(reason: str) -
     assert text(first).startswith(" STOPPED: ")
     assert text(first).rstrip().endswith(". Over now")
     assert text(second).startswith(" > press s to drive again ")
-    assert text(second).endswith(f" over: {reason} ")
+    assert text(second).endswith(f" (over: {reason}) ")
     assert {segment.tone for segment in (*first, *second)} == {Tone.STOP_BANNER}
 
 
@@ -323,6 +323,11 @@ def test_the_control_and_its_note_and_level_are_shown() -> None:
     assert "speed" not in shown(driving(control=Control.VIEW_ONLY, keys=()))
 
 
+def test_a_speed_level_is_not_shown_before_it_is_known() -> None:
+    assert "control   incremental   " in shown(driving())
+    assert "of 5" not in shown(driving(level=None))
+
+
 def test_the_link_shows_rate_and_age_of_each_stream_and_of_the_own_commands() -> None:
     view = driving(
         status(sources=[source("teleop", age_s=0.13)]), rates=Rates(10.2, 49.7, math.nan), odom_age_s=0.3
@@ -442,7 +447,7 @@ VIEWS = st.builds(
     TEXT,
     control=st.sampled_from(Control),
     control_note=TEXT,
-    level=st.integers(-9, 99),
+    level=st.none() | st.integers(-9, 99),
     wanted=VELOCITIES,
     sent=VELOCITIES,
     most=VELOCITIES,
