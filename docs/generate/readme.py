@@ -57,6 +57,11 @@ def _limit(found: Spread, factor: float = 1.0) -> float:
     return math.inf if found.limit is None else factor * found.limit
 
 
+def _processor(machine: str) -> str:
+    """Return the architecture in a description such as "2 cores (x86_64), load average 0.7 before"."""
+    return machine.partition("(")[2].partition(")")[0]
+
+
 def cost(bench: str, ros2: str) -> str:
     """Return the cost of a supervisor, a teleop and a process `ros2`.
 
@@ -75,12 +80,13 @@ def cost(bench: str, ros2: str) -> str:
     stored = read_robots()
     if not cpu_percent or bridge is None:
         raise ValueError("docs/bench.md or docs/ros2.md has no processor time")
+    quiet = stored.run["machine"]
     one_robot = next(one for one in stored.crowds if one.robots == 1)
     samples, _ = read_appended(SOAK, Sample)
     used = samples[-1].processes
     return (
         f"* **Cost**: the supervisor takes {np.mean(one_robot.cpu_percent):.1f} % of a core "
-        f"({sections.load_of([stored.run['machine']])}), up to {max(map(float, cpu_percent)):.1f} % near an obstacle on "
+        f"({_processor(quiet)}, {sections.load_of([quiet])}), up to {max(map(float, cpu_percent)):.1f} % near an obstacle on "
         f"a busy machine ({sections.load_of(machine)}), and {used['supervisor'].rss_bytes / 1e6:.0f} MB after an hour. "
         f"The process `ros2` takes {bridge[1]}; teleop takes {used['teleop'].rss_bytes / 1e6:.0f} MB."
     )
