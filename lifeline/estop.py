@@ -5,9 +5,9 @@ import os
 import sys
 from typing import NoReturn
 
-from deploy.stack.errors import EXIT_NOT_RUNNING, DeployError
+from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
-from deploy.stack.reach import NotRunningError, Observer, reach
+from deploy.stack.reach import NotRunningError, Observer, check_may_stop, reach
 from lifeline.command import note, say
 from teleop.station.service import Station
 from teleop.station.state import Look, headline, picture
@@ -31,12 +31,13 @@ def run_station(launch: Launch, name: str) -> NoReturn:
     """Run the station until it leaves; exit 0 after q, Ctrl-C, SIGTERM or a closed terminal, 1 after an error.
 
     Raises:
-        DeployError: there is no terminal, or the name is refused.
+        DeployError: there is no terminal, or the name or the role of the certificate is refused.
     """
     if NAME.fullmatch(name) is None:
         raise DeployError(
             f"{name!r} is not a name: use small letters, digits and _ as in [[supervisor.estop_stations]]"
         )
+    check_may_stop(launch.bus)
     if not is_terminal():
         raise DeployError(
             "an e-stop station needs a terminal on standard input and output: run it in one, or leave out --name "
@@ -79,20 +80,23 @@ async def _run(stop: asyncio.Event, launch: Launch, name: str) -> int:
 
 
 def press(launch: Launch) -> int:
-    """Press the emergency stop until the supervisor confirms it; exit 0 if it does, 1 if not, 3 if none answers."""
+    """Press the emergency stop until the supervisor confirms it; exit 0 if it does, 1 if not, 2 if it is refused, 3 if none answers."""
     return asyncio.run(_press(launch))
 
 
 async def _press(launch: Launch) -> int:
     try:
+        check_may_stop(launch.bus)
         # It is sent to any hub: only the confirmation of a refused one does not count.
         bus = await reach(launch.bus, asyncio.Event(), HubProof(launch.bus, note, must_connect=True))
-    except NotRunningError:
-        note(
-            f"NOT stopped: no supervisor answers at {launch.bus.endpoint}; a base whose supervisor is silent "
-            f"brakes by itself. If the robot moves, {OTHER_MEANS}"
+    except DeployError as error:
+        reason = (
+            f"no supervisor answers at {launch.bus.endpoint}; a base whose supervisor is silent brakes by itself"
+            if isinstance(error, NotRunningError)
+            else error
         )
-        return EXIT_NOT_RUNNING
+        note(f"NOT stopped: {reason}. If the robot moves, {OTHER_MEANS}")
+        return error.exit_code
     assert bus is not None  # nothing sets the event
     try:
         observer, button = Observer(bus), bus.publisher(topics.ESTOP)

@@ -21,7 +21,7 @@ from deploy.stack.formatting import (
     status_json,
 )
 from deploy.stack.launch import ANY_BASE, SIMULATED, Launch
-from deploy.stack.reach import observing, silence_of
+from deploy.stack.reach import check_refusal, observing, silence_of
 from deploy.stack.ros2_reports import Report
 from deploy.stack.statedir import StateDir
 from deploy.stack.table import Table, facts
@@ -152,6 +152,7 @@ async def _look(state: StateDir, launch: Launch) -> Look:
                 silence=None,
             )
     except TimeoutError:
+        await check_refusal(launch.bus)
         return replace(
             look,
             latched=launch.latched_sentence(state) if silence is None else None,

@@ -15,17 +15,21 @@ from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
 from deploy.stack.formatting import CHECK_NETWORK
 from deploy.stack.ros2_reports import Report, reports_of
 from wire import tls, topics
+from wire.bundle import BundleError, choose_bundle
 from wire.bus import Bus, BusError, Inbox, wait_until
 from wire.host.connections import is_here
 from wire.host.process import Main, run_process
 from wire.host.runnable import runnable
 from wire.messages import Odometry, SafetyStatus
+from wire.roles import Role
 from wire.text import printable_lines
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
+from wire.zenoh.connect import refusal
 from wire.zenoh.hub_proof import HubProof
 
 CONNECT_LIMIT_S = 2.0
 CLOSE_LIMIT_S = 0.1
+STOPPERS = (Role.OPERATOR, Role.ESTOP)
 
 
 class NotRunningError(DeployError):
@@ -39,7 +43,7 @@ async def reach(config: BusConfig, stop: asyncio.Event, proof: HubProof | None =
 
     Raises:
         NotRunningError: no supervisor answers within 2 s.
-        BusError: the endpoint is invalid.
+        DeployError: the endpoint is invalid, or a certificate is refused.
     """
     opening = asyncio.ensure_future(open_bus(config, "client", proof=proof))
     stopping = asyncio.ensure_future(stop.wait())
@@ -49,15 +53,47 @@ async def reach(config: BusConfig, stop: asyncio.Event, proof: HubProof | None =
             return opening.result()
         if stop.is_set():
             return None
+        await check_refusal(config)
         silence = silence_of(config.endpoint)
         raise NotRunningError(
             f"no supervisor answers at {config.endpoint}: start the robot with `lifeline up`"
             if silence is None
             else f"{silence}: {CHECK_NETWORK}"
         )
+    except BusError as error:
+        raise DeployError(str(error)) from error
     finally:
         opening.cancel()
         stopping.cancel()
+
+
+async def check_refusal(config: BusConfig) -> None:
+    """Of an endpoint where nobody answers, find out whether a certificate is refused.
+
+    Raises:
+        DeployError: it is; the message says whose, and what to do.
+    """
+    if (refused := await refusal(config)) is not None:
+        raise DeployError(refused)
+
+
+def check_may_stop(config: BusConfig) -> None:
+    """Refuse a certificate whose role may not stop a robot: the supervisor would ignore its e-stop silently.
+
+    Raises:
+        DeployError: the role may not stop, or the bundle is refused.
+    """
+    if config.keys is None or not tls.is_secure(config.endpoint):
+        return
+    try:
+        bundle = choose_bundle(config.keys, time.time(), part=config.part)
+    except BundleError as error:
+        raise DeployError(str(error)) from error
+    if bundle.role not in STOPPERS:
+        raise DeployError(
+            f"the certificate of {bundle.name} has the role {bundle.role}, which may not stop: use one of "
+            f"`lifeline keys issue NAME --role estop --robot {config.namespace}`"
+        )
 
 
 def run_command(main: Main) -> NoReturn:

@@ -97,6 +97,8 @@ class Observed:
     """Who pressed it and when; empty if unknown."""
     endpoint: str = ""
     is_connected: bool = False
+    refusal: str = ""
+    """Why this program is refused, such as its certificate: then nothing is known about the supervisor."""
     silence: str | None = None
     """If nothing answers: why, for an endpoint on another machine; None for one of this machine."""
     port_problem: str = ""
@@ -180,6 +182,8 @@ def _state(seen: Observed) -> Iterator[Finding]:
 def _connection(seen: Observed) -> Iterator[Finding]:
     if seen.is_connected:
         yield ok("supervisor", f"answers at {seen.endpoint}")
+    elif seen.refusal:
+        yield problem("supervisor", printable(seen.refusal))
     elif seen.silence is not None:
         yield problem("supervisor", seen.silence, CHECK_NETWORK)
     elif seen.silent_pid is not None:

@@ -27,7 +27,6 @@ from lifeline.inspection.sockets import processes_at
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import is_recorded, pressed_by
 from wire import topics
-from wire.bus import BusError
 from wire.host.config import ConfigError, read_toml
 from wire.host.runnable import runnable
 from wire.text import printable
@@ -52,10 +51,12 @@ async def _examine(
 ) -> int:
     try:
         bus = await reach(launch.bus, stop)
-    except (NotRunningError, BusError):
+    except NotRunningError:
         bus = None
         if seen.silence is None:
             seen.port_problem, seen.silent_pid = _port_problem(launch.bus.endpoint)
+    except DeployError as error:
+        bus, seen.refusal = None, str(error)
     if stop.is_set():
         return 130
     if bus is not None and seen.config is not None:

@@ -11,18 +11,17 @@ from pathlib import Path
 from typing import NoReturn
 
 from deploy.stack.errors import EXIT_NOT_RUNNING, DeployError
-from deploy.stack.reach import NotRunningError, run_command
+from deploy.stack.reach import NotRunningError, check_may_stop, check_refusal, run_command
 from lifeline.command import note, print_json, say
 from lifeline.watch.rows import Row, Watched, row_at
 from lifeline.watch.watch import EXIT_PARTLY, show_lines, show_live, show_once, until, wants_lines
 from teleop.guards import Supervisors
-from wire import tls, topics
-from wire.bundle import BundleError, choose_bundle
+from wire import topics
 from wire.bus import Overheard
-from wire.host.config import NAME, BusSection, ConfigError, absolute, section
+from wire.host.config import NAME, BusSection, ConfigError, section
 from wire.messages import Bool, SafetyStatus, UndecodableError, decode
 from wire.reasons import StopReason
-from wire.roles import ANY, Role
+from wire.roles import ANY
 from wire.stamp import parse_stamp
 from wire.zenoh.bus import BusConfig, Fleet, open_fleet
 from wire.zenoh.hub_proof import HubProof
@@ -37,7 +36,6 @@ PERIOD_S = 0.1
 MAX_ROBOTS = 1000
 MAX_RUNS = 16
 """How many runs of a robot's supervisor are kept."""
-STOPPERS = (Role.OPERATOR, Role.ESTOP)
 
 
 class Robots:
@@ -131,17 +129,12 @@ def fleet_config(endpoint: str, keys: Path | None, *, stops: bool) -> BusConfig:
     values = {"endpoint": endpoint} | ({} if keys is None else {"keys": str(keys)})
     try:
         config = section({"bus": values}, "bus", BusSection).to_bus_config()
-        bundle = None
-        if config.keys is not None and tls.is_secure(endpoint):
-            bundle = choose_bundle(absolute(config.keys), time.time(), part=None)
-    except (ConfigError, BundleError) as error:
+    except ConfigError as error:
         raise DeployError(str(error)) from error
-    if stops and bundle is not None and bundle.role not in STOPPERS:
-        raise DeployError(
-            f"the certificate of {bundle.name} has the role {bundle.role}, which may not stop: use one of "
-            f"`lifeline keys issue NAME --role estop --robot {ANY}`"
-        )
-    return BusConfig(config.endpoint, ANY, config.lease_s, config.keys)
+    config = BusConfig(config.endpoint, ANY, config.lease_s, config.keys)
+    if stops:
+        check_may_stop(config)
+    return config
 
 
 def _run(
@@ -163,6 +156,7 @@ def _run(
             proof = HubProof(config, note, must_connect=True) if stops else None
             fleet = await asyncio.wait_for(open_fleet(config, proof), CONNECT_LIMIT_S)
         except TimeoutError as error:
+            await check_refusal(config)
             raise NotRunningError(f"no router or robot answers at {config.endpoint}") from error
         try:
             return await work(stop, Robots(fleet, config.endpoint, expected), fleet)

@@ -177,6 +177,51 @@ async def test_a_program_that_is_refused_ends_with_one_sentence(
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (["estop"], 2),
+        (["doctor", "--json"], 1),
+        (["status"], 2),
+        (["topic", "list"], 2),
+        (["fleet", "list"], 2),
+    ],
+    ids=lambda words: words[0] if isinstance(words, list) else "",
+)
+def test_every_command_names_the_certificate_that_is_refused(
+    ours: TestAuthority, theirs: TestAuthority, tmp_path: Path, protocol: str, words: list[str], code: int
+) -> None:
+    endpoint = secure_endpoint(protocol)
+    bundle = theirs.bundle("mallory", Role.OPERATOR, robot="any")
+    with supervisor(tmp_path, endpoint, ours.bundle("robot7", Role.SUPERVISOR)):
+        ended = lifeline(*words, "--endpoint", endpoint, "--keys", bundle)
+    if words[0] == "doctor":
+        (problem,) = (one for one in json.loads(ended.stdout) if one["check"] == "supervisor")
+        said = problem["what"]
+    else:
+        said = ended.stderr
+        assert len(said.splitlines()) == 1, said
+    assert ended.returncode == code
+    assert (
+        f"cannot connect to {endpoint}: the supervisor's certificate is from another authority: copy a "
+        in said
+    )
+    assert f"this program used the certificate of mallory in {bundle}" in said
+
+
+@pytest.mark.parametrize("options", [[], ["--name", "door"]], ids=["once", "station"])
+def test_an_estop_with_a_certificate_that_may_not_stop_says_so(
+    ours: TestAuthority, options: list[str]
+) -> None:
+    vera = ours.bundle("vera", Role.VIEWER)
+    done = lifeline("estop", "--endpoint", secure_endpoint("tls"), "--keys", vera, *options)
+    assert done.returncode == 2
+    assert "the certificate of vera has the role viewer, which may not stop: use one of " in done.stderr
+    assert ("lifeline: NOT stopped: " in done.stderr) is not bool(options)
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
 async def test_a_client_without_a_certificate_or_with_a_foreign_one_is_refused(
     ours: TestAuthority, theirs: TestAuthority, tmp_path: Path, protocol: str
 ) -> None:
@@ -358,7 +403,7 @@ def test_a_refused_start_is_one_sentence(ours: TestAuthority, tmp_path: Path) ->
 
 def lifeline(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [LIFELINE, "keys", *map(str, arguments)],
+        [LIFELINE, *map(str, arguments)],
         capture_output=True,
         text=True,
         timeout=WITHIN_S,
@@ -368,38 +413,48 @@ def lifeline(*arguments: object) -> subprocess.CompletedProcess[str]:
 
 def test_the_commands_make_list_and_revoke_certificates(tmp_path: Path) -> None:
     keys = ["--keys", tmp_path / "keys"]
-    early = lifeline("issue", "alice", "--role", "operator", *keys)
+    early = lifeline("keys", "issue", "alice", "--role", "operator", *keys)
     assert (early.returncode, early.stdout) == (2, "")
     assert early.stderr.count("\n") == 1
     assert "run `lifeline keys init` first" in early.stderr
-    assert lifeline("init", *keys).returncode == 0
-    again = lifeline("init", *keys)
+    assert lifeline("keys", "init", *keys).returncode == 0
+    again = lifeline("keys", "init", *keys)
     assert again.returncode == 2
     assert "--replace" in again.stderr
     hub = lifeline(
-        "issue", "robot7", "--role", "supervisor", "--host", "robot7", "--host", "10.0.0.7", "--json", *keys
+        "keys",
+        "issue",
+        "robot7",
+        "--role",
+        "supervisor",
+        "--host",
+        "robot7",
+        "--host",
+        "10.0.0.7",
+        "--json",
+        *keys,
     )
     assert json.loads(hub.stdout)["hosts"] == ["robot7", "10.0.0.7", "localhost", "127.0.0.1", "::1"]
-    alice = lifeline("issue", "alice", "--role", "operator", "--robot", "any", "--days", "2", *keys)
+    alice = lifeline("keys", "issue", "alice", "--role", "operator", "--robot", "any", "--days", "2", *keys)
     assert "operator@any until" in alice.stdout
     assert read_bundle(tmp_path / "keys" / "bundles" / "alice", time.time()).namespace == "any"
-    listed = lifeline("list", *keys)
+    listed = lifeline("keys", "list", *keys)
     assert listed.returncode == 0
     assert "warning: alice ends on" in listed.stdout
-    assert [row["name"] for row in json.loads(lifeline("list", "--json", *keys).stdout)] == [
+    assert [row["name"] for row in json.loads(lifeline("keys", "list", "--json", *keys).stdout)] == [
         "alice",
         "robot7",
     ]
-    revoked = lifeline("revoke", "alice", *keys)
+    revoked = lifeline("keys", "revoke", "alice", *keys)
     assert "connects until" in revoked.stdout
     assert "keys init --replace" in revoked.stdout
-    renewed = lifeline("issue", "alice", *keys)
+    renewed = lifeline("keys", "issue", "alice", *keys)
     assert (renewed.returncode, renewed.stderr.count("\n")) == (2, 1)
-    assert lifeline("issue", "robot7", *keys).returncode == 0
+    assert lifeline("keys", "issue", "robot7", *keys).returncode == 0
 
 
 def test_the_help_teaches_the_first_steps() -> None:
-    text = " ".join(lifeline("--help").stdout.split())
+    text = " ".join(lifeline("keys", "--help").stdout.split())
     for step in (
         "keys init",
         "keys issue robot7 --role supervisor",
@@ -407,5 +462,5 @@ def test_the_help_teaches_the_first_steps() -> None:
         "--keys",
     ):
         assert step in text
-    roles = " ".join(lifeline("issue", "--help").stdout.split())
+    roles = " ".join(lifeline("keys", "issue", "--help").stdout.split())
     assert all(role in roles for role in Role)

@@ -2,8 +2,11 @@
 
 import itertools
 import json
+import os
+import shlex
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Generator
@@ -18,6 +21,7 @@ from tests.system.operators import ROOT
 from tests.system.ports import free_endpoint
 from tests.system.process_state import state_of
 from tests.system.systemd import RUNNING, Systemd, Unit, end
+from wire.zenoh import limits
 
 UNITS = ROOT / "deploy" / "systemd"
 EXPOSURE = {"lifeline-supervisor.service": 1.5, "lifeline-ros2.service": 2.0, "lifeline-guard@.service": 2.5}
@@ -107,6 +111,49 @@ def test_a_service_with_a_refused_configuration_exits_with_a_code_that_is_not_re
     (tmp_path / "etc" / "robot.toml").write_text("nonsense = 1\n[bus]\nlease_s = 0\n")
     with started(subject, systemd) as process:
         assert str(process.wait(PATIENCE_S)) in subject["RestartPreventExitStatus"].split()
+
+
+@pytest.mark.parametrize("name", ["lifeline-supervisor.service", "lifeline-ros2.service"])
+def test_only_a_service_that_could_not_start_waits_before_the_next_start(name: str, tmp_path: Path) -> None:
+    subject, waited = unit(name, tmp_path), tmp_path / "waited"
+    (tmp_path / "sleep").write_text(f'#!/bin/sh\necho "$1" >> {waited}\n')
+    (tmp_path / "sleep").chmod(0o700)
+    command = [word.replace("$$", "$") for word in shlex.split(subject["ExecStopPost"])]
+    for status in ("0", "2", "KILL", "ABRT", "1"):
+        assert not waited.exists()
+        variables = {"PATH": f"{tmp_path}:{os.environ['PATH']}", "EXIT_STATUS": status}
+        subprocess.run(command, env=variables, check=True, timeout=PATIENCE_S)
+    assert (
+        subject.seconds("RestartSec") < 1.0 <= float(waited.read_text()) < subject.seconds("TimeoutStopSec")
+    )
+    assert (subject["Restart"], subject["StartLimitIntervalSec"]) == ("always", "0")
+
+
+def test_a_supervisor_whose_port_is_taken_is_started_again_and_takes_it_when_it_is_free(
+    systemd: Systemd, tmp_path: Path
+) -> None:
+    subject, endpoint = unit("lifeline-supervisor.service", tmp_path), free_endpoint()
+    (tmp_path / "etc" / "robot.toml").write_text(f'[bus]\nendpoint = "{endpoint}"\n')
+    with (
+        socket.create_server(("127.0.0.1", int(endpoint.rpartition(":")[2]))),
+        started(subject, systemd) as process,
+    ):
+        code = process.wait(PATIENCE_S)
+    assert code == 1  # the unit waits after it
+    assert str(code) not in subject["RestartPreventExitStatus"].split()
+    with started(subject, systemd):
+        systemd.await_ready()
+
+
+def test_the_kernel_ends_other_programs_before_the_supervisor_and_the_ros_2_process(tmp_path: Path) -> None:
+    scores = [
+        int(unit(f"lifeline-{name}.service", tmp_path)["OOMScoreAdjust"]) for name in ("supervisor", "ros2")
+    ]
+    assert max(scores) <= -900
+
+
+def test_the_supervisor_of_the_unit_may_open_the_files_that_it_wants(tmp_path: Path) -> None:
+    assert int(unit("lifeline-supervisor.service", tmp_path)["LimitNOFILE"]) == limits.WANTED_FILES
 
 
 def test_ros2_run_is_the_process_that_reports(

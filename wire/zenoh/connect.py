@@ -145,12 +145,28 @@ class _Trouble:
         now_s = time.monotonic()
         if now_s < self._next_s:
             return
-        config, before = self._config, self._refused
-        self._refused = await why_refused(config.endpoint, config.namespace, str(config.keys))
+        before = self._refused
+        self._refused = await refusal(self._config)
         if self._refused is None:
             self._next_s = now_s + TROUBLE_PERIOD_S
         elif self._refused == before:
-            raise BusError(f"cannot connect to {config.endpoint}: {self._refused}")
+            raise BusError(self._refused)
+
+
+async def refusal(config: BusConfig) -> str | None:
+    """Try to connect in a separate process; return in one sentence whose certificate is refused, and what to do; None if none is."""
+    config = replace(config, endpoint=tls.client_endpoint(config.endpoint))
+    try:
+        bundle = await in_thread(lambda: _bundle(config, "client"))
+    except BusError as error:
+        return str(error)
+    if bundle is None:
+        return None
+    used = bundle.certificate.parent
+    reason = await why_refused(config.endpoint, config.namespace, str(used))
+    if reason is None:
+        return None
+    return f"cannot connect to {config.endpoint}: {reason} (this program used the certificate of {bundle.name} in {used})"
 
 
 class _Guard:

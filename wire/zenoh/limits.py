@@ -4,6 +4,8 @@ Every connection needs an open file, and so does every file that the supervisor 
 must still find a free one when strangers hold all connections that the hub permits.
 """
 
+from wire.inbox import BusError
+
 ACCEPT_TIMEOUT_S = 2.0
 """How long a new connection may take to introduce itself: three round trips on a slow link, with one lost packet."""
 MAX_SESSIONS = 1000
@@ -12,6 +14,9 @@ MAX_PENDING = 4000
 within `ACCEPT_TIMEOUT_S`, an attacker must open so many to lock others out."""
 RESERVED_FILES = 256
 """Open files of the supervisor itself."""
+MIN_SESSIONS = 16
+"""For base, command sources, e-stop stations and viewers; a hub that cannot have so many does not start."""
+NEEDED_FILES = RESERVED_FILES + 2 * MIN_SESSIONS
 WANTED_FILES = MAX_SESSIONS + MAX_PENDING + RESERVED_FILES
 
 MESSAGE_BYTES = (1 << 20) + (1 << 16)
@@ -56,8 +61,16 @@ def hub_settings(namespace: str, open_files: int) -> dict[str, object]:
     Args:
         namespace: the robot's namespace; `*` for a router.
         open_files: the maximum number of open files of this process.
+
+    Raises:
+        BusError: they are too few.
     """
-    free = max(open_files - RESERVED_FILES, 2)
+    if open_files < NEEDED_FILES:
+        raise BusError(
+            f"this process may open {open_files} files, but needs {NEEDED_FILES} for itself and {MIN_SESSIONS} programs: raise its "
+            "hard limit of open files (RLIMIT_NOFILE; LimitNOFILE= in a unit of systemd)"
+        )
+    free = open_files - RESERVED_FILES
     sessions = min(MAX_SESSIONS, free // 2)
     return {
         "transport/unicast/accept_timeout": round(ACCEPT_TIMEOUT_S * 1000),

@@ -156,6 +156,13 @@ def test_a_supervisor_that_hangs_is_not_another_program() -> None:
     assert "`lifeline down`, then `lifeline up`" in finding.remedy
 
 
+def test_a_program_that_is_refused_blames_no_supervisor() -> None:
+    for silence in (None, "nothing answers at tls/robot7:7447, which is on another machine"):
+        refused = running(is_connected=False, refusal="its certificate: copy", silent_pid=41, silence=silence)
+        (finding,) = (found for found in problems(refused) if found.check == "supervisor")
+        assert (finding.what, finding.remedy) == ("its certificate: copy", "")
+
+
 def test_of_a_robot_on_another_machine_the_network_is_to_be_checked() -> None:
     (finding,) = problems(running(is_connected=False, silence="the name robot7 cannot be resolved"))
     assert (finding.check, finding.what) == ("supervisor", "the name robot7 cannot be resolved")

@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from wire.bus import BusError
 from wire.messages import MAX_PAYLOAD_BYTES, encode, planar_twist
 from wire.stamp import Stamper
 from wire.zenoh import limits
@@ -30,9 +31,13 @@ def test_strangers_never_take_the_files_that_the_supervisor_needs(open_files: in
     assert sessions + pending + limits.RESERVED_FILES <= open_files
 
 
-@pytest.mark.parametrize("open_files", [0, 256, 257])
-def test_even_with_too_few_open_files_a_client_can_connect(open_files: int) -> None:
-    assert counts(open_files) == (1, 1)
+@pytest.mark.parametrize("open_files", [0, 64, 100, limits.NEEDED_FILES - 1])
+def test_too_few_open_files_are_refused_with_the_number_that_is_needed(open_files: int) -> None:
+    with pytest.raises(
+        BusError, match=f"may open {open_files} files, but needs {limits.NEEDED_FILES} .*RLIMIT_NOFILE"
+    ):
+        counts(open_files)
+    assert counts(limits.NEEDED_FILES) == (limits.MIN_SESSIONS, limits.MIN_SESSIONS)
 
 
 def test_every_message_of_lifeline_passes_the_filters() -> None:
