@@ -121,7 +121,7 @@ def estop(
         ),
     ] = None,
 ) -> int:
-    """Press the emergency stop once, or act as an e-stop station. Exit 0 if the supervisor confirms the press, 1 if not, 3 if nothing runs."""
+    """Press the emergency stop once, or act as an e-stop station. Exit 0 if the supervisor confirms the press, 1 if not, 2 if a certificate is refused, 3 if nothing runs."""
     from lifeline.estop import press, run_station
 
     return press(robot.launch) if name is None else run_station(robot.launch, name)

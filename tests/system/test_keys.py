@@ -186,7 +186,7 @@ async def test_a_program_that_is_refused_ends_with_one_sentence(
         (["topic", "list"], 2),
         (["fleet", "list"], 2),
     ],
-    ids=lambda words: words[0] if isinstance(words, list) else "",
+    ids=["estop", "doctor", "status", "topic", "fleet"],
 )
 def test_every_command_names_the_certificate_that_is_refused(
     ours: TestAuthority, theirs: TestAuthority, tmp_path: Path, protocol: str, words: list[str], code: int
