@@ -37,7 +37,7 @@ RESULTS = {
 }
 ROS2 = Path(__file__).parents[1] / "campaign" / "ros2_crash.jsonl"
 SOAK = Path(__file__).parents[1] / "campaign" / "soak.jsonl.gz"
-PLACES = {"real": "of real processes", "virtual": "on a virtual clock"}
+PLACES = {"real": "of real processes (blue)", "virtual": "on a virtual clock (grey)"}
 COMMANDS = {
     "real": "lifeline faults --out docs/campaign/real.jsonl",
     "virtual": "lifeline faults --virtual --out virtual.jsonl",
@@ -126,10 +126,10 @@ def caption(campaigns: Sequence[Campaign]) -> str:
     """Return what the picture of the stop times shows: the numbers of stops and trials, and the load."""
     shown = (
         f"{sum(len(one.timed) for one in campaign.classes() if one.bound_s is not None)} stops {PLACES[campaign.mode]} "
-        f"({campaign.trials:,} trials, {sections.load_of(one.machine for one in campaign.provenances)})"
+        f"from {campaign.trials:,} trials, {sections.load_of(one.machine for one in campaign.provenances)}"
         for campaign in campaigns
     )
-    return f"*{' and '.join(shown)}; red: the bound of each class.*"
+    return f"*{'; '.join(shown)}. Red: the bound. A shorter time is drawn at 0.1 ms.*"
 
 
 def _row(one: ClassFigures) -> str:

@@ -5,8 +5,9 @@ which is the same for the same code.
 """
 
 import asyncio
+import itertools
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import matplotlib as mpl
@@ -16,8 +17,8 @@ from matplotlib.figure import Figure
 from bench.rig.stored import read_appended
 from bench.soak import Sample
 from docs.generate.crash_safety import SOAK, result
-from faults.classes import CLASSES
-from faults.report.figures import ClassFigures
+from faults.classes import CLASSES, FaultClass, Group
+from faults.promises import KILL_LIMIT_S, KILL_MEDIAN_S
 from faults.seen import Seen
 from faults.simulated.scenario import Drivers, Scenario, Scene
 from faults.simulated.world import World
@@ -27,7 +28,54 @@ from wire import topics
 IMAGES = Path(__file__).parents[1] / "images"
 INK, GREY, LIGHT = "#20262e", "#7a8490", "#d9dee4"
 BLUE, AMBER, RED = "#3a6ea5", "#e8a33d", "#c8443c"
-TITLES = {"real": "real processes", "virtual": "virtual clock"}
+DASHED = (0, (1.2, 0.8))
+DOTS = {"real": ("real processes", BLUE, -0.2), "virtual": ("virtual clock", "#a9b3bd", 0.2)}
+"""Label, colour, and place below the middle of the row of each campaign."""
+
+HEADINGS: Mapping[str, str] = {
+    Group.TELEOP: "operator's program",
+    Group.SUPERVISOR: "supervisor",
+    Group.SENSORS: "base and sensors",
+    Group.NETWORK: "network",
+    Group.WIRE: "another program on the wire",
+    Group.ESTOP: "e-stop, then within 0.3 s",
+    Group.MACHINE: "computer",
+}
+WORDS = {
+    "teleop_sigkill": "killed (SIGKILL)",
+    "teleop_sigterm": "ended (SIGTERM)",
+    "teleop_sigstop": "paused (SIGSTOP)",
+    "teleop_blocked": "event loop blocked",
+    "teleop_end_of_input": "end of the keyboard input",
+    "teleop_gil": "interpreter's lock held",
+    "supervisor_sigkill": "killed (SIGKILL)",
+    "supervisor_sigstop": "paused (SIGSTOP)",
+    "supervisor_blocked": "event loop blocked",
+    "supervisor_and_teleop_sigkill": "killed with the operator's program",
+    "supervisor_restart": "SIGTERM or an exception",
+    "sim_sigkill": "base killed (SIGKILL)",
+    "sim_sigstop": "base paused (SIGSTOP)",
+    "sim_blocked": "base's event loop blocked",
+    "sim_scan_nan": "every beam reads NaN",
+    "sim_scan_silent": "no scans",
+    "sim_scan_frozen_no_odom": "same scan repeated, no odometry",
+    "sim_scan_frozen_odom_zero": "same scan repeated, odometry zero",
+    "net_cut": "operator's link cut",
+    "net_cut_base": "base's link cut",
+    "net_healed": "operator's link cut and healed",
+    "net_healed_base": "base's link cut and healed",
+    "net_down_only": "operator's messages lost",
+    "net_base_mute": "base's messages lost",
+    "net_flapping": "operator's token lost for 2 ms",
+    "net_unplugged": "operator's cable unplugged",
+    "wire_second_lidar_steady": "second lidar at 20 Hz",
+    "wire_second_lidar_flood": "second lidar at up to 2 kHz",
+    "estop_teleop_sigkill": "operator's program killed",
+    "estop_supervisor_sigkill": "supervisor killed",
+    "estop_sim_sigkill": "base killed",
+    "machine_suspend": "suspended",
+}
+"""The classes with a bound, in a few words below their heading."""
 
 # Teleop is ready by then, and as fast as it will be when it is killed.
 NEUTRAL_S, DRIVE_S, KILL_S, AGAIN_S, END_S = 1.5, 1.7, 3.313, 3.913, 6.0
@@ -35,41 +83,59 @@ PRESSES = 7
 
 
 def draw_stop_times(path: Path) -> None:
-    """A dot for each stop, a line for each bound; classes without a bound are not drawn."""
-    found = {mode: campaign for mode in TITLES if (campaign := result(mode)) is not None}
+    """Draw a dot for each stop and a line for each bound; classes without a bound are not drawn."""
     classes = {
         mode: [one for one in campaign.classes() if one.bound_s is not None and one.timed]
-        for mode, campaign in found.items()
+        for mode in DOTS
+        if (campaign := result(mode)) is not None
     }
     drawn = {one.name for ones in classes.values() for one in ones}
-    names = [one.name for one in CLASSES if one.name in drawn]
-    figure = Figure(figsize=(10, 1.2 + 0.27 * max(4, len(names))), layout="constrained")
-    for number, (mode, ones) in enumerate(classes.items(), 1):
-        axes = figure.add_subplot(1, len(classes), number)
-        _dots(axes, names, ones)
-        axes.set_title(f"{TITLES[mode]}, {sum(len(one.timed) for one in ones):,} stops", fontsize=11)
-        if number > 1:
-            axes.set_yticklabels([])
-    figure.savefig(path, dpi=130, metadata={"Software": None})
-
-
-def _dots(axes: Axes, names: Sequence[str], classes: Sequence[ClassFigures]) -> None:
-    for one in classes:
-        row = names.index(one.name)
-        times_ms = [1000 * max(case.stop_s, 1e-4) for case in one.timed if case.stop_s is not None]
-        # Spread by rank and not by chance: the same picture every time.
-        heights = [row + 0.3 * ((7 * rank) % 11 - 5) / 5 for rank in range(len(times_ms))]
-        axes.plot(times_ms, heights, ".", color=BLUE, ms=5, alpha=0.6, mew=0)
-        bound_ms = 1000 * (one.bound_s or 0.0)
-        axes.plot([bound_ms, bound_ms], [row - 0.42, row + 0.42], color=RED, lw=1.8)
+    known = [one for one in CLASSES if one.name in drawn]
+    rows: list[str] = []
+    for group, members in itertools.groupby(known, lambda one: one.group):
+        rows += [group, *(one.name for one in members)]
+    figure = Figure(figsize=(10, 1.5 + 0.29 * len(rows)), layout="constrained")
+    axes = figure.subplots()
+    for mode, ones in classes.items():
+        stops = sum(len(one.timed) for one in ones)
+        label, colour, offset = DOTS[mode]
+        axes.plot([], [], "o", color=colour, ms=6, mew=0, label=f"{label}: {stops:,} stops")
+        for one in ones:
+            times_ms = [1000 * max(case.stop_s, 1e-4) for case in one.timed if case.stop_s is not None]
+            # Spread by rank and not by chance: the same picture every time.
+            middle = rows.index(one.name) + offset
+            heights = [middle + 0.14 * ((7 * rank) % 11 - 5) / 5 for rank in range(len(times_ms))]
+            axes.plot(times_ms, heights, "o", color=colour, ms=4, alpha=0.7, mew=0)
+    for one in known:
+        _bound(axes, rows.index(one.name), one)
+    axes.plot([], [], color=RED, lw=2.4, label="bound")
+    axes.plot([], [], color=RED, lw=2.4, ls=DASHED, label="bound of the median")
     axes.set_xscale("log")
     axes.set_xlim(0.08, 2000)
     axes.set_xticks((0.1, 1, 10, 100, 1000), ("0.1", "1", "10", "100", "1000"))
-    axes.set_ylim(len(names) - 0.4, -0.6)
-    axes.set_yticks(range(len(names)), names, fontsize=8)
-    axes.set_xlabel("from the fault to zero [ms]; red: the bound")
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.set_yticks(range(len(rows)), [HEADINGS.get(row) or WORDS[row] for row in rows])
+    axes.tick_params(axis="y", length=0)
+    for label, row in zip(axes.get_yticklabels(), rows, strict=True):
+        label.set_fontweight("bold" if row in HEADINGS else "normal")
+    figure.supxlabel(
+        "from the fault to a zero command; if the supervisor fails, to the base's own braking [ms]\n"
+        "two bounds: of the median (dashed), and of the upper 95 % limit of the 95 % quantile (solid)",
+        fontsize="medium",
+    )
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(axis="x", color=LIGHT, lw=0.6)
+    figure.legend(loc="outside upper center", ncols=4, frameon=False, handletextpad=0.4, columnspacing=1.4)
+    figure.savefig(path, dpi=130, metadata={"Software": None})
+
+
+def _bound(axes: Axes, row: int, known: FaultClass) -> None:
+    """Draw the bound of a class; after the end of a process, also that of the median."""
+    assert known.bound_s is not None
+    ends = [row - 0.4, row + 0.4]
+    axes.plot([1000 * known.bound_s] * 2, ends, color=RED, lw=2.4)
+    if known.bound_s == KILL_LIMIT_S:
+        axes.plot([1000 * KILL_MEDIAN_S] * 2, ends, color=RED, lw=2.4, ls=DASHED)
 
 
 def killed() -> Seen:
@@ -178,8 +244,9 @@ def _scaled(points: Sequence[tuple[float, float]], scale: float) -> tuple[list[f
 
 def main() -> None:
     mpl.rcParams.update({"font.size": 10, "axes.edgecolor": GREY, "text.color": INK, "axes.labelcolor": INK})
-    if any(result(mode) is not None for mode in TITLES):
-        draw_stop_times(IMAGES / "stop_times.png")
+    if any(result(mode) is not None for mode in DOTS):
+        with mpl.rc_context({"font.size": 12}):
+            draw_stop_times(IMAGES / "stop_times.png")
     draw_soak(IMAGES / "soak.png")
     draw_sigkill(IMAGES / "sigkill.png", killed())
 

@@ -6,7 +6,8 @@ import pytest
 
 from bench.rig.sheet import Times
 from bench.soak import Sample, Usage
-from docs.generate import crash_safety, readme
+from docs.generate import crash_safety, draw_crash_safety, readme
+from faults.classes import CLASSES
 from faults.promises import KILL_LIMIT_S, KILL_MEDIAN_S, PROMISES
 from faults.report.figures import Campaign, campaigns
 from faults.trial import BrokenPromise, Injected, Provenance, Trial
@@ -108,6 +109,12 @@ def test_the_soak_is_reported_with_what_grew_and_what_stopped_without_a_cause() 
     )
     assert "**1 stop without a cause**" in bad
     assert "FAILED: false stops: OVERRUN" in bad
+
+
+def test_the_picture_has_words_for_each_class_with_a_bound_and_for_what_fails_in_it() -> None:
+    bounded = [one for one in CLASSES if one.bound_s is not None]
+    assert draw_crash_safety.WORDS.keys() == {one.name for one in bounded}
+    assert draw_crash_safety.HEADINGS.keys() == {one.group for one in bounded}
 
 
 def test_each_promise_about_a_killed_process_has_one_number_with_its_statistic_in_every_place() -> None:
