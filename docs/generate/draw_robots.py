@@ -51,7 +51,7 @@ def draw(crowds: Sequence[Crowd], cores: int, path: Path, *, has_targets: bool) 
     gaps.set_title("gaps of cmd_vel [ms]", fontsize=11)
     if max(one.gap_max_ms for one in crowds) > SATURATED_MS:
         gaps.set_yscale("log")
-        gaps.set_ylim(10)
+        gaps.set_ylim(0.5 * min(one.gap_p50_ms for one in crowds))
     else:
         gaps.set_ylim(0)
 

@@ -15,9 +15,9 @@ from sim.video import OutputError, Pixels, refuse_bad_output, write
 IMAGE = Path(__file__).parents[1] / "images" / "warehouse.png"
 
 # Camera, the robot's drive to its place (v in m/s, ω in rad/s, duration in s), and time of the picture, which shows the
-# forklift and the people.
-_VIEW = View((-2.05, -0.62, 0.52), 4.3, 30.0, -25.5)
-_DRIVE_OUT = ((0.0, 0.0, 2.2), (0.8, 0.0, 1.5), (0.8, 0.3, 1.1))
+# forklift and a person.
+_VIEW = View((-2.2, -1.3, 0.45), 4.7, -42.0, -26.0)
+_DRIVE_OUT = ((0.0, 0.0, 3.7), (0.8, 0.0, 1.5), (0.8, 0.3, 1.1))
 
 
 def main(arguments: list[str] | None = None) -> int:
