@@ -28,7 +28,8 @@ from wire import topics
 from wire.zenoh.bus import BusConfig, open_bus
 
 IMAGE = Path(__file__).parents[1] / "images" / "view.png"
-SIZE = (1600, 900)
+SIZE = (940, 880)
+"""Of the window [px]; small, so that its text is readable in a page."""
 TITLE_PX = 36
 """The viewer's title bar, which is cut off."""
 PATIENCE_S = 60.0
