@@ -2,6 +2,7 @@
 
 The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 
+    film    what the first picture shows: docs/campaign/crash_film.jsonl
     stop    time and distance of a robot whose teleop is killed: docs/campaign/real.jsonl and ros2_crash.jsonl
     cost    processor time and memory of the supervision: docs/bench.md, docs/ros2.md, bench_robots.jsonl and soak.jsonl.gz in docs/campaign
 
@@ -14,18 +15,28 @@ import sys
 
 import numpy as np
 
-from bench.rig.stored import read_appended
+from bench.rig.stored import read_appended, read_rows
 from bench.robots.results import read as read_robots
 from bench.ros2_crash.trial import LIMIT_S, Fault, Robot
 from bench.ros2_crash.trial import read as read_ros2
 from bench.soak import Sample
 from docs.generate import sections
 from docs.generate.crash_safety import ROS2, SOAK, result
+from docs.generate.draw_crash_animation import DRIVES, SPEED_M_S
 from faults.report.figures import Campaign, Spread
 
 DOCUMENT = sections.ROOT / "README.md"
 BENCH, ROS2_PAGE = sections.ROOT / "docs/bench.md", sections.ROOT / "docs/ros2.md"
 KILL = "teleop_sigkill"
+
+
+def film() -> str:
+    """Return what the animation of the two drives shows."""
+    load = sections.load_of([read_rows(DRIVES).run["machine"]])
+    return (
+        f"*One run each (n = 1) at {SPEED_M_S:.1f} m/s, {load}: SIGKILL ends the same ROS 2 keyboard node at the red bar; "
+        "all processes are real, the base and the hall are simulated.*"
+    )
 
 
 def stop(campaign: Campaign | None) -> str:
@@ -93,6 +104,7 @@ def cost(bench: str, ros2: str) -> str:
 
 
 PARTS: sections.Parts = {
+    "film": film,
     "stop": lambda: stop(result("real")),
     "cost": lambda: cost(BENCH.read_text(), ROS2_PAGE.read_text()),
 }
