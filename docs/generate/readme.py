@@ -34,8 +34,8 @@ def film() -> str:
     """Return what the animation of the two drives shows."""
     load = sections.load_of([read_rows(DRIVES).run["machine"]])
     return (
-        f"*One run each (n = 1) at {SPEED_M_S:.1f} m/s, {load}: SIGKILL ends the same ROS 2 keyboard node at the red bar; "
-        "all processes are real, the base and the hall are simulated.*"
+        f"*One run each at {SPEED_M_S:.1f} m/s, {load}: SIGKILL ends the same ROS 2 keyboard node at the red bar; "
+        "the processes are real, base and hall simulated.*"
     )
 
 
