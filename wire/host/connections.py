@@ -1,5 +1,6 @@
 """Asks the kernel which user has the other end of a connection of this process, and reads its table of TCP sockets (Linux)."""
 
+import errno
 import ipaddress
 import socket
 import struct
@@ -100,7 +101,7 @@ def _proven(user: int) -> int | None:
 
 
 def is_here(host: str) -> bool:
-    """Return whether a host is this machine.
+    """Return whether a host is this machine, or may be: any error but that of a foreign address proves nothing.
 
     Raises:
         OSError: the name cannot be resolved.
@@ -110,6 +111,6 @@ def is_here(host: str) -> bool:
     try:
         with socket.socket(family, socket.SOCK_DGRAM) as probe:
             probe.bind(address)  # only to an address of this machine
-    except OSError:
-        return False
+    except OSError as error:
+        return error.errno != errno.EADDRNOTAVAIL
     return True

@@ -1,6 +1,7 @@
 """Which user has the other end of a connection, from the real kernel; the system tests have another user."""
 
 import os
+import resource
 import socket
 from pathlib import Path
 
@@ -117,3 +118,14 @@ def test_only_an_address_of_this_machine_is_here() -> None:
     assert not is_here("192.0.2.1")
     with pytest.raises(UnicodeError):
         is_here("x" * 64)
+
+
+def test_without_a_descriptor_to_ask_with_an_address_may_be_here() -> None:
+    assert not is_here("192.0.2.1")
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (3, limits[1]))
+    try:
+        found = is_here("127.0.0.1")
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+    assert found
