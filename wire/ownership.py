@@ -34,7 +34,7 @@ def refusal(path: Path, forbidden: int = CHANGE) -> str | None:
     real = path.resolve(strict=True)
     found = real.stat()
     owners = {ROOT, os.geteuid()}
-    for part in (*_open_to_all(path.absolute()), *_open_to_all(real)):
+    for part in _open_to_all(path.absolute()):
         if not part.parent.stat().st_mode & stat.S_ISVTX:
             return f"other users can exchange {part}: {_run('chmod +t', part.parent)}"
         if part.lstat().st_uid not in owners:
@@ -69,8 +69,12 @@ def open_own(path: str | Path, flags: int, mode: int = 0o666) -> int:
 
 
 def _open_to_all(path: Path) -> Iterator[Path]:
-    """Yield the path and the directories above it that are in a directory where everyone can write."""
-    return (part for part in (path, *path.parents) if part.parent.stat().st_mode & stat.S_IWOTH)
+    """Yield the path, the directories above it and those behind each of their links that are in a directory where everyone can write."""
+    parts = (path, *path.parents)
+    yield from (part for part in parts if part.parent.stat().st_mode & stat.S_IWOTH)
+    link = next((part for part in reversed(parts) if part.is_symlink()), None)
+    if link is not None:
+        yield from _open_to_all(link.parent / link.readlink() / path.relative_to(link))
 
 
 def _foreign(path: Path) -> str:

@@ -82,6 +82,24 @@ def test_a_link_that_others_can_exchange_is_refused(tmp_path: Path, directory: P
     assert "other users can exchange" in (refusal(link) or "")
 
 
+@pytest.mark.parametrize("below", [".", "state"])
+def test_each_link_on_the_way_is_refused_if_others_can_exchange_it(
+    below: str, tmp_path: Path, directory: Path
+) -> None:
+    """A link of this user leads to one in an open directory, which leads to a directory of this user."""
+    shared = tmp_path / "open"
+    shared.mkdir()
+    (shared / "now").symlink_to(directory if below == "." else "../")
+    (tmp_path / "link").symlink_to("open/now")
+    assert refusal(tmp_path / "link" / below) is None
+    shared.chmod(0o777)
+    assert refusal(tmp_path / "link" / below) == (
+        f"other users can exchange {shared / 'now'}: run `chmod +t {shared}`"
+    )
+    shared.chmod(0o1777)
+    assert refusal(tmp_path / "link" / below) is None
+
+
 def a_link(path: Path) -> None:
     path.symlink_to("/etc/passwd")
 
