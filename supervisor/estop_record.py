@@ -44,6 +44,8 @@ To clear it, start the robot, release the controls, and reset the e-stop: key r 
 
 PRESSED = "pressed by"
 """Begins the last line: who pressed and when."""
+MAX_CHARACTERS = 1024
+"""How much of a record is read: the status repeats its last line, and damage may make the file of any size."""
 
 NOT_RECORDED = "the e-stop cannot be recorded"
 NOT_PREPARED = "a pressed e-stop could not be recorded"
@@ -74,7 +76,10 @@ def pressed_by(directory: Path, namespace: str) -> str:
     """Return who pressed the recorded e-stop and when, such as "pressed by teleop, 2026-11-26 14:20:05"; empty if unknown."""
     path = record_path(directory, namespace)
     with suppress(OSError):
-        lines = path.read_text(errors="replace").splitlines() if path.is_file() else []
+        if not path.is_file():
+            return ""
+        with path.open(errors="replace") as file:
+            lines = file.read(MAX_CHARACTERS).splitlines()
         return printable(lines[-1]) if lines and lines[-1].startswith(PRESSED) else ""
     return ""
 
@@ -453,7 +458,7 @@ class EstopRecord:
         """Return whether the last attempt succeeded and the disk has not changed since."""
         try:
             return not self._done.problem and self._disk.holds(latched=request.goal is _Goal.LATCHED)
-        except OSError:
+        except Exception:  # noqa: BLE001 - after any error, nothing is proven
             return False
 
     def _carry_out(self, request: _Request) -> _Request:

@@ -9,7 +9,14 @@ from typing import Any
 
 import pytest
 
-from supervisor.estop_record import RecordError, RecordFiles, is_recorded, pressed_by, record_path
+from supervisor.estop_record import (
+    MAX_CHARACTERS,
+    RecordError,
+    RecordFiles,
+    is_recorded,
+    pressed_by,
+    record_path,
+)
 
 ROBOT = "robot"
 
@@ -76,6 +83,13 @@ def test_a_record_with_any_content_latches_and_cannot_control_a_terminal(
     record_path(tmp_path, ROBOT).write_bytes(content)
     assert read_anew(tmp_path)
     assert pressed_by(tmp_path, ROBOT).isprintable()
+
+
+def test_the_description_of_a_record_of_any_size_is_short(tmp_path: Path) -> None:
+    record_path(tmp_path, ROBOT).write_bytes(b"x\npressed by " + b"\x1b[2J" * 250_000)
+    said = pressed_by(tmp_path, ROBOT)
+    assert said.startswith("pressed by ?[2J")
+    assert len(said) <= MAX_CHARACTERS
 
 
 def test_a_record_that_is_no_file_says_nothing_and_does_not_block(tmp_path: Path) -> None:

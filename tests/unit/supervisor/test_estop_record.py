@@ -297,6 +297,22 @@ def test_a_disk_that_can_no_longer_be_looked_at_is_tried_again() -> None:
         assert "clear" not in disk.attempts
 
 
+def test_any_error_at_a_look_at_the_disk_is_retried_and_ends_no_thread() -> None:
+    disk = FakeDisk()
+    looks: list[bool] = []
+
+    def without_memory(*, latched: bool) -> bool:
+        looks.append(latched)
+        raise MemoryError
+
+    disk.holds = without_memory
+    with recording(disk, period_s=OFTEN_S) as record:
+        until(lambda: len(looks) > 1)
+        record.keep(latched=True)
+        assert settled(record) == ""
+        assert disk.latched
+
+
 def test_only_a_reset_clears_a_record_that_appears_later() -> None:
     disk = FakeDisk(latched=True)
     with recording(disk, period_s=OFTEN_S) as record:
