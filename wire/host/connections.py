@@ -9,7 +9,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-ESTABLISHED = "01"
+ROOT = 0
+ESTABLISHED, LISTENING = "01", "0A"
 NO_INODE = "0"
 """Of a socket that no process has: nobody has accepted it yet, or its process has closed it. Its user is shown as root."""
 EVERY_USER = ["0", "0", "4294967295"]
@@ -69,8 +70,19 @@ def tcp_user(local: str, remote: str) -> int | None:
     here, there = (f"{int(address.rpartition(':')[2]):04X}" for address in (local, remote))
     for row in tcp_sockets((there, here)):
         if (row.local, row.remote, row.state) == (remote, local, ESTABLISHED) and row.inode != NO_INODE:
-            return _proven(row.user)
+            user = min(_listeners(row.local, there), default=None) if row.user == ROOT else row.user
+            return None if user is None else _proven(user)
     return None
+
+
+def _listeners(local: str, port: str) -> list[int]:
+    """Return the users whose programs listen where root has accepted a connection.
+
+    A worker of the kernel, which is root, accepts the connections to the AF_SMC socket of any user.
+    """
+    number = local.rpartition(":")[2]
+    places = {local, f"0.0.0.0:{number}", f"[::]:{number}"}
+    return [row.user for row in tcp_sockets((port, "0000")) if row.state == LISTENING and row.local in places]
 
 
 def unix_users(path: str) -> list[int | None]:

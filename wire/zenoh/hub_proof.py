@@ -17,10 +17,9 @@ import zenoh
 
 from wire import tls
 from wire.bus_config import BusConfig
-from wire.host.connections import is_here, tcp_user, unix_users
+from wire.host.connections import ROOT, is_here, tcp_user, unix_users
 from wire.zenoh import local_socket
 
-ROOT = 0
 ASK_AGAIN_S = 0.02
 ATTEMPTS = 10
 """How often the kernel is asked about a connection that it does not show yet."""

@@ -8,7 +8,10 @@ from pathlib import Path
 import pytest
 
 from wire.host import connections
-from wire.host.connections import is_here, tcp_user, unix_users
+from wire.host.connections import ROOT, is_here, tcp_user, unix_users
+
+STRANGER = 65533
+needs_root = pytest.mark.skipif(os.getuid() != ROOT, reason="needs root, to become another user")
 
 
 def address(one: tuple[str, int]) -> str:
@@ -55,6 +58,30 @@ def test_a_connection_that_the_other_side_has_closed_proves_nothing() -> None:
     ):
         server.accept()[0].close()
         assert user_of(client) is None
+
+
+@needs_root
+def test_what_root_accepts_for_the_listener_of_another_user_is_not_roots() -> None:
+    """So it looks if the kernel accepts for that user's AF_SMC socket."""
+    os.seteuid(STRANGER)
+    try:
+        server = socket.create_server(("127.0.0.1", 0))
+    finally:
+        os.seteuid(ROOT)
+    with server, socket.create_connection(server.getsockname()) as client, server.accept()[0]:
+        assert user_of(client) == STRANGER
+        server.close()
+        assert user_of(client) is None
+
+
+@needs_root
+@pytest.mark.parametrize("listen", ["127.0.0.1", "0.0.0.0", "::"])
+def test_root_is_believed_where_it_listens(listen: str) -> None:
+    family = socket.AF_INET6 if ":" in listen else socket.AF_INET
+    with socket.create_server((listen, 0), family=family, dualstack_ipv6=":" in listen) as server:
+        port = server.getsockname()[1]
+        with socket.create_connection(("127.0.0.1", port)) as client, server.accept()[0]:
+            assert user_of(client) == ROOT
 
 
 def test_a_listener_without_the_connection_proves_nothing() -> None:
