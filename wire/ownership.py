@@ -31,7 +31,7 @@ def refusal(path: Path, forbidden: int = CHANGE) -> str | None:
     Raises:
         OSError: it cannot be looked up.
     """
-    real = path.resolve(strict=True)
+    real = Path(os.path.realpath(path, strict=True))
     found = real.stat()
     owners = {ROOT, os.geteuid()}
     for part in _open_to_all(path.absolute()):

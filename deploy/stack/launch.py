@@ -1,6 +1,7 @@
 """Arguments and environment of the stack's processes, and a check of the endpoint before the start."""
 
 import errno
+import os
 import shlex
 import socket
 import sys
@@ -210,7 +211,7 @@ def _read(
 ) -> tuple[Path, dict[str, Any], BusConfig]:
     """Return the path of a configuration, its content, and how to reach the robot."""
     try:
-        path = absolute(config or DEFAULT_CONFIG).resolve()
+        path = Path(os.path.realpath(absolute(config or DEFAULT_CONFIG)))
         document = read_toml(path)
         override(document, "bus", "endpoint", endpoint)
         override(document, "bus", "keys", None if keys is None else str(keys))

@@ -6,7 +6,7 @@ import os
 import shlex
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
@@ -24,6 +24,9 @@ class StateDir:
     """The paths in one state directory, as absolute paths."""
 
     path: Path
+    """Without links, so that it names the same processes however it was given."""
+    given: Path | None = field(default=None, compare=False)
+    """As it was given: another user may be able to exchange a link on it."""
 
     @classmethod
     def choose(cls, given: Path | None) -> "StateDir":
@@ -33,9 +36,10 @@ class StateDir:
             DeployError: the path begins with `~NAME` and there is no such user.
         """
         try:
-            return cls((absolute(given) if given else state_directory()).resolve())
+            chosen = absolute(given) if given else state_directory()
         except ConfigError as error:
             raise DeployError(f"{error}, with --state-dir or {ENVIRONMENT}") from error
+        return cls(Path(os.path.realpath(chosen)), chosen)
 
     @property
     def option(self) -> str:
@@ -75,7 +79,7 @@ class StateDir:
             )
         try:
             make_directory(self.path)
-            refused = refusal(self.path)
+            refused = refusal(self.given or self.path)
         except OSError as error:
             raise DeployError(
                 f"cannot create the state directory {self.path} ({error.strerror}): "

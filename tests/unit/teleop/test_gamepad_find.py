@@ -82,6 +82,9 @@ def test_a_named_device_that_is_not_there_is_an_error(tmp_path: Path) -> None:
         GamepadError, match=r"no input device /dev/no/pad: plug the gamepad in, or name another"
     ):
         find(tmp_path, "/dev/no/pad")
+    (tmp_path / "pad").symlink_to("pad")
+    with pytest.raises(GamepadError, match=r"no input device .*/pad: plug the gamepad in"):
+        find(tmp_path, str(tmp_path / "pad"))
 
 
 def test_a_named_file_that_is_no_input_device_is_an_error(tmp_path: Path) -> None:

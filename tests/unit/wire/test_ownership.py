@@ -160,6 +160,12 @@ def test_a_missing_directory_is_an_error_of_the_system(tmp_path: Path) -> None:
         refusal(tmp_path / "none")
 
 
+def test_a_link_to_itself_is_an_error_of_the_system(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to("link")
+    with pytest.raises(OSError, match="Too many levels of symbolic links"):
+        refusal(tmp_path / "link")
+
+
 def test_a_link_is_not_opened(tmp_path: Path) -> None:
     (tmp_path / "target").write_text("kept")
     (tmp_path / "link").symlink_to("target")

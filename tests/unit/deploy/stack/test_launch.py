@@ -38,6 +38,12 @@ def test_a_wrong_endpoint_is_refused() -> None:
         Launch.read(None, "nonsense")
 
 
+def test_a_configuration_that_is_a_link_to_itself_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").symlink_to("robot.toml")
+    with pytest.raises(DeployError, match=r"cannot read the configuration .*symbolic links"):
+        Launch.read(tmp_path / "robot.toml", None)
+
+
 def test_a_stack_is_found_again_by_its_record(tmp_path: Path) -> None:
     state = StateDir(tmp_path)
     assert Launch.running(state) is None

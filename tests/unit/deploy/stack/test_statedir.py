@@ -36,6 +36,30 @@ def test_the_home_of_nobody_is_refused_in_one_sentence(
         StateDir.choose(Path(named) if is_option else None)
 
 
+def test_a_link_that_others_can_exchange_is_refused_although_it_leads_to_a_directory_of_this_user(
+    tmp_path: Path,
+) -> None:
+    for name in ("own", "open"):
+        (tmp_path / name).mkdir(mode=0o700)
+    link = tmp_path / "open" / "link"
+    link.symlink_to(tmp_path / "own")
+    state = StateDir.choose(link)
+    state.create()
+    assert state == StateDir.choose(tmp_path / "own")
+    (tmp_path / "open").chmod(0o777)
+    with pytest.raises(DeployError, match=f"^other users can exchange {link}: run `chmod"):
+        StateDir.choose(link).create()
+
+
+def test_a_link_to_itself_stops_no_command_but_is_no_state_directory(tmp_path: Path) -> None:
+    link = tmp_path / "link"
+    link.symlink_to("link")
+    state = StateDir.choose(link)
+    assert statedir.read_json(state.record) == {}
+    with pytest.raises(DeployError, match=r"cannot create the state directory .*--state-dir"):
+        state.create()
+
+
 def test_a_directory_that_cannot_be_written_is_refused_with_a_way_out(tmp_path: Path) -> None:
     state = StateDir(tmp_path / "is-not-there")
     with (
