@@ -3,7 +3,6 @@
 Opening a device needs permission, wakes up some devices, and takes many milliseconds. This would delay the heartbeat.
 """
 
-import os
 import re
 import struct
 from pathlib import Path
@@ -60,8 +59,8 @@ def find_gamepad(
     names = ", ".join(needed.names)
     if wanted is not None:
         try:
-            found = describe(Path(os.path.realpath(wanted, strict=True)), sysfs)
-        except OSError:
+            found = describe(Path(wanted).resolve(strict=True), sysfs)
+        except (OSError, RuntimeError):  # a link to itself
             raise GamepadError(
                 f"there is no input device {wanted}: plug the gamepad in, or name another as [teleop.gamepad] device"
             ) from None
