@@ -15,7 +15,7 @@ from typing import Literal, Protocol
 
 from teleop.guards import Refusals, RoundTrip
 from teleop.holder import SENDING_S, HeldError, Holder
-from teleop.pilots.keys import Command, KeySource
+from teleop.pilots.keys import NOT_TYPED, Command, KeySource, name_of
 from teleop.pilots.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity, amounts
 from teleop.rate import TOLERANCE_S, Rate, WarningBell
 from teleop.screen.controls import LEGENDS, command_for, help_lines, key_help
@@ -37,6 +37,8 @@ SCREEN_LIMIT_S = 0.5
 RESET_TIMEOUT_S = 1.0
 MIN_GAP_S = 0.01
 """Minimum time between two commands without a key press: a gamepad's stick sends a thousand events per second."""
+IGNORED_PERIOD_S = 1.0
+"""Minimum time between two notes on ignored keys."""
 KEPT_EVENTS = 50
 
 
@@ -125,6 +127,8 @@ class Teleop:
         self._reset: asyncio.Task[TriggerResponse] | None = None
         self._reset_until_s = -math.inf
         """Until when the newest reset may still take effect."""
+        self._ignored_s = -math.inf
+        """Time of the newest note on an ignored key."""
         self._suspending = False
         self._quitting = False
         self._has_help = False
@@ -260,13 +264,16 @@ class Teleop:
         clock = asyncio.get_running_loop().time
         for event in events:
             command = self._command(event)
+            is_known = command is not None
             if self._pilot is not None and command in (None, Command.RESET, Command.HELP):
                 before, level = self._pilot.wanted(), self._pilot.level
-                self._pilot.on_key(event, clock())
+                is_known |= self._pilot.on_key(event, clock())
                 self._send(clock(), always=command is None and event.kind is KeyKind.PRESS)
                 self._redraw |= before != self._pilot.wanted()
                 if level != self._pilot.level:
                     self._on_level(self._pilot)
+            if event.kind is KeyKind.PRESS and not is_known:
+                self._note_ignored(event.key, clock())
             if command is Command.HELP:
                 if event.kind is KeyKind.PRESS:
                     self._toggle_help()
@@ -275,6 +282,13 @@ class Teleop:
                 self._do(command, clock())
             if self._quitting or self._suspending:
                 return  # keys typed after it are not for the robot
+
+    def _note_ignored(self, key: str, now_s: float) -> None:
+        if now_s - self._ignored_s < IGNORED_PERIOD_S:
+            return
+        self._ignored_s = now_s
+        what = key if key in NOT_TYPED else f"{plain(name_of(key))}, which has no function"
+        self.note(f"ignored {what}{'' if self._pilot is None else ': the setpoint is zero'}", Tone.CAUTION)
 
     def _do(
         self,

@@ -5,6 +5,7 @@ before that. A closed terminal is the end of the keys, not an error.
 """
 
 import asyncio
+import math
 import os
 import select
 import signal
@@ -17,7 +18,7 @@ from types import FrameType, TracebackType
 from typing import NoReturn, Protocol, Self
 
 from teleop.guards import Pulse
-from teleop.pilots.keys import CTRL_Z, KeyDecoder, ReportKind
+from teleop.pilots.keys import CTRL_Z, UNFINISHED, KeyDecoder, ReportKind, as_typed
 from teleop.pilots.pilot import KeyEvent
 from teleop.screen.output import FrameWriter
 from teleop.screen.view import Line, Tone
@@ -26,6 +27,8 @@ from teleop.terminal_guard import BY_PARENT, Modes, TerminalGuard
 READ_BYTES = 1024
 MAX_READS = 16
 """Maximum number of reads per take, so that a flood of input does not delay the heartbeat."""
+UNFINISHED_S = 0.1
+"""A key sequence that is unfinished for longer is an Escape that was pressed, or unknown."""
 LAST_WORDS = 5
 """Number of notes that are printed again after the picture is removed."""
 LEAVE_LIMIT_S = 0.3
@@ -33,8 +36,10 @@ ANSWER_LIMIT_S = 0.15
 """How long to wait at the end for replies of the terminal: a later reply would go to the shell as input."""
 
 _ASK = "\x1b[5n"
-_ENTER = "\x1b[?1049h\x1b[?25l"
-_LEAVE = "\x1b[?2026l\x1b[?7h\x1b[0m\x1b[?25h\x1b[?1049l"
+_TYPED, _NOT_TYPED = "\x1b[?2004h\x1b[?1007l", "\x1b[?2004l\x1b[?1007h"
+"""Let the terminal mark pasted text, and keep the wheel from sending cursor keys; and the usual modes again."""
+_ENTER = f"\x1b[?1049h\x1b[?25l{_TYPED}"
+_LEAVE = f"{_NOT_TYPED}\x1b[?2026l\x1b[?7h\x1b[0m\x1b[?25h\x1b[?1049l"
 """Also resets the modes that a picture sets, because the last picture may be incomplete."""
 _HOLD_ENTER, _HOLD_LEAVE = "\x1b[?1004h\x1b[?u", "\x1b[?1004l"
 """Enable reports of lost keyboard focus, and query support of the kitty keyboard protocol."""
@@ -89,13 +94,15 @@ class Terminal:
         self._face = _PlainFace(is_dumb=dumb, colours=colours) if plain else _FullFace(colours=colours)
         self._pulse = None if plain else Pulse()
         self._has_pushed = False
+        self._unfinished_s = math.inf
+        """Time at which an unfinished key sequence stops the robot."""
 
     def __enter__(self) -> Self:
         self._loop = asyncio.get_running_loop()
         self._saved = termios.tcgetattr(0)
         self._out = _open_output()
         if BY_PARENT not in os.environ:
-            ending = RESTORE if self._face.is_full else "\r\n"
+            ending = RESTORE if self._face.is_full else f"{self._face.leave}\r\n"
             self._guard = TerminalGuard(self._out, self._saved, _cbreak(self._saved), ending)
         try:
             self._begin()
@@ -120,7 +127,8 @@ class Terminal:
         return 80, 24
 
     def take(self) -> list[KeyEvent]:
-        keys, self._typed = self._typed, []
+        signalled, self._typed = self._typed, []
+        keys: list[KeyEvent] = []
         for _ in range(MAX_READS):
             if self.ended or not select.select([0], [], [], 0)[0]:
                 break
@@ -130,8 +138,12 @@ class Terminal:
                 data = b""
             if not data:
                 self._end()
+            self._unfinished_s = self._loop.time() + UNFINISHED_S
             keys += self._decoded(data)
-        return keys
+        if self._decoder.is_unfinished and self._loop.time() > self._unfinished_s:
+            self._unfinished_s = math.inf
+            keys.append(KeyEvent(UNFINISHED))
+        return [*signalled, *as_typed(keys)]
 
     def show(self, lines: Sequence[Line]) -> bool:
         if not self._flush():
@@ -209,11 +221,9 @@ class Terminal:
             self._guard.tell(has_terminal=True)
         with suppress(termios.error):  # the terminal is closed, which the next read reports
             termios.tcsetattr(0, termios.TCSANOW, _cbreak(self._saved))
-        if not self._face.is_full:
-            return
-        hold = self._on_releases is not None
+        hold = self._face.is_full and self._on_releases is not None
         self._has_pushed = False
-        self._write(_ENTER + (_HOLD_ENTER if hold else ""))
+        self._write(self._face.enter + (_HOLD_ENTER if hold else ""))
 
     def _on_continue(self) -> None:
         """Set up the terminal again after an external stop and continue: another program may have changed it."""
@@ -235,10 +245,10 @@ class Terminal:
         for number in (signal.SIGTSTP, signal.SIGCONT, signal.SIGWINCH):
             self._loop.remove_signal_handler(number)
         signal.signal(signal.SIGQUIT, signal.SIG_DFL)
-        ending = self._face.ending(self.size[0])
+        ending = self._face.leave + self._face.ending(self.size[0])
         if self._face.is_full:
             hold = (_POP if self._has_pushed else "") + (_HOLD_LEAVE if self._on_releases is not None else "")
-            ending = f"{hold}{_LEAVE}{ending}"
+            ending = f"{hold}{ending}"
         if self._has_pushed and self._on_releases is not None:
             self._on_releases(reported=False)
         self._has_pushed = False
@@ -308,6 +318,7 @@ class _FullFace:
     """Output on the whole screen."""
 
     is_full = True
+    enter, leave = _ENTER, _LEAVE
 
     def __init__(self, *, colours: bool) -> None:
         self._writer = FrameWriter(colours=colours)
@@ -338,6 +349,7 @@ class _PlainFace:
 
     def __init__(self, *, is_dumb: bool, colours: bool) -> None:
         self._is_dumb, self._has_colours = is_dumb, colours
+        self.enter, self.leave = ("", "") if is_dumb else (_TYPED, _NOT_TYPED)
         self._shown = ""
 
     def forget(self) -> None:

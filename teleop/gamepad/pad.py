@@ -1,6 +1,7 @@
 """A gamepad's events -> velocity: the pilot of `--mode gamepad`, without the device.
 
-The robot moves only while the dead-man button is held, after the press was received and the stick was centred since.
+The robot moves only while the dead-man button is held, after the press was received and the stick was centred since. The stick must have been reported since
+the pad was connected.
 When the button is released, the velocity is zero immediately. A doubtful state of the button also ends the hold: the
 pad was unplugged, events were lost, the pad was silent for too long, or the operator stopped with a key. After that, the
 button must be released and pressed again.
@@ -13,7 +14,7 @@ from enum import IntEnum, StrEnum
 from typing import NamedTuple, assert_never
 
 from teleop.pilots.config import GamepadSection
-from teleop.pilots.keys import STOP_KEY, level_of
+from teleop.pilots.keys import NO_MOTION, STOP_KEY, level_of
 from teleop.pilots.pilot import LEVELS, NEUTRAL, KeyEvent, KeyKind, Velocity
 
 EV_SYN, EV_KEY, EV_ABS = 0, 1, 3
@@ -135,6 +136,8 @@ class Gamepad:
     """Speed level 1 to 5, in fifths of both velocities, with or without turbo."""
     phase: Phase = Phase.ABSENT
     name: str = ""
+    _is_reported: bool = False
+    """Whether the stick was reported since the pad was connected: before that, the kernel only assumes its position."""
     _why: str = "no gamepad"
     """Reason for the phases ABSENT, LOST and LET_GO."""
     _pressed: set[int] = field(default_factory=set[int])
@@ -150,6 +153,7 @@ class Gamepad:
         self.name = name
         self._settled_s = now_s + SETTLE_S
         self._heard_s, self._pulse_s = now_s, None
+        self._is_reported = False
         self._take_state(state, "it was held when the gamepad came")
 
     def unplug(self, why: str) -> None:
@@ -166,6 +170,7 @@ class Gamepad:
             self._button(event.code, event.value, now_s)
         elif event.type == EV_ABS and event.code in self._axes:
             self._axes[event.code] = self._axes[event.code]._replace(value=event.value)
+            self._is_reported = True
         elif event.type == EV_SYN and event.code == SYN_DROPPED:
             self.phase, self._why = Phase.LOST, "events were lost"
         elif (
@@ -192,13 +197,15 @@ class Gamepad:
 
     # --- called by teleop
 
-    def on_key(self, event: KeyEvent, now_s: float) -> None:  # noqa: ARG002 - a key is a key at any time
-        """Process a key: one stops, some select the speed level, none drives."""
-        if event.kind is KeyKind.RELEASE:
-            return
-        if event.key.lower() == STOP_KEY:
+    def on_key(self, event: KeyEvent, now_s: float) -> bool:  # noqa: ARG002 - a key is a key at any time
+        """Process a key: some select the speed level, none drives, and all without another function stop."""
+        key, level = event.key.lower(), level_of(event.key)
+        if event.kind is KeyKind.RELEASE or key in NO_MOTION:
+            return True
+        if level is None:
             self.let_go()
-        self.level = level_of(event.key) or self.level
+        self.level = level or self.level
+        return key == STOP_KEY or level is not None
 
     def velocity(self, now_s: float) -> Velocity:
         """Return the velocity to send. There is no ramp: the operator controls the stick directly."""
@@ -243,7 +250,7 @@ class Gamepad:
             case Phase.READY:
                 return f"{self.name}: hold {dead_man} to drive, {label_of(section.turbo_button)} is turbo"
             case Phase.CENTRE:
-                return "centre the stick first"
+                return "move the stick, and centre it" if not self._is_reported else "centre the stick first"
             case Phase.DRIVING:
                 return f"driving while {dead_man} is held"
             case _:
@@ -258,7 +265,9 @@ class Gamepad:
 
     @property
     def _is_centred(self) -> bool:
-        return not any(deflection(axis, self.layout.section.dead_zone) for axis in self._axes.values())
+        return self._is_reported and not any(
+            deflection(axis, self.layout.section.dead_zone) for axis in self._axes.values()
+        )
 
     def _deflection(self, code: int, *, inverted: bool) -> float:
         value = deflection(self._axes[code], self.layout.section.dead_zone)

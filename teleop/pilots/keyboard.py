@@ -13,7 +13,7 @@ import math
 from collections import deque
 from collections.abc import Callable
 
-from teleop.pilots.keys import STOP_KEY, level_of
+from teleop.pilots.keys import FOCUS_OUT, NO_MOTION, STOP_KEY, level_of
 from teleop.pilots.pilot import LEVELS, NEUTRAL, KeyEvent, KeyKind, Ramp, Velocity, amount
 
 DIGITS = 9
@@ -82,9 +82,9 @@ class Incremental(_KeyPilot):
     def note(self) -> str:
         return f"each press: {amount(self._step.linear_m_s)} m/s or {amount(self._step.angular_rad_s)} rad/s"
 
-    def on_key(self, event: KeyEvent, now_s: float) -> None:  # noqa: ARG002 - a step is a step at any time
+    def on_key(self, event: KeyEvent, now_s: float) -> bool:  # noqa: ARG002 - a step is a step at any time
         if event.kind is KeyKind.RELEASE:
-            return
+            return True
         key = event.key.lower()
         level = level_of(key)
         if key == STOP_KEY:
@@ -94,6 +94,10 @@ class Incremental(_KeyPilot):
         elif level is not None:
             self.level = level
             self._move((0, 0))  # down to the maximum of the level
+        elif key not in NO_MOTION:
+            self.let_go()
+            return False
+        return True
 
     def velocity(self, now_s: float) -> Velocity:
         return self._ramp.toward(self._wanted, now_s)
@@ -134,6 +138,8 @@ MOTIONS = {
     "right": (0, -1),
 }
 """Directions (forward, left) of the keys, as in teleop_twist_keyboard."""
+STOPS = ("k", STOP_KEY, FOCUS_OUT)
+"""Keys that stop like any other key, but are known as such."""
 UP, DOWN = 1.1, 0.9
 SPEEDS = {
     "q": (UP, UP),
@@ -190,7 +196,7 @@ class Hold(_KeyPilot):
             self._reports_releases = reported
             self.let_go()
 
-    def on_key(self, event: KeyEvent, now_s: float) -> None:
+    def on_key(self, event: KeyEvent, now_s: float) -> bool:
         key = event.key.lower()
         level = level_of(key)
         if event.kind is KeyKind.RELEASE:
@@ -208,6 +214,8 @@ class Hold(_KeyPilot):
             self.level = level
         else:
             self.let_go()
+            return key in STOPS
+        return True
 
     def velocity(self, now_s: float) -> Velocity:
         if self._repeats.was_tap(now_s) and self.say is not None:

@@ -7,9 +7,15 @@ Cursor and function keys arrive as escape sequences, in one or several pieces. T
     ESC [ 1 ; modifiers : event A                           likewise the arrows and some more
 
 A SPACE and a Ctrl-C are always recognised: as plain bytes, they are not part of any sequence, and as sequences, they
-begin with an ESC, which ends every unfinished sequence. A stray ESC therefore never swallows the emergency stop.
+begin with an ESC, which ends every unfinished sequence. A stray ESC therefore never swallows the emergency stop. Each
+space character of Unicode (category Zs) is the SPACE. Input that no person typed is not decoded to its keys but to a key
+that says what it is (`NOT_TYPED`); no pilot knows these keys, and what a pilot does not know stops the robot.
 """
 
+import codecs
+import re
+import sys
+import unicodedata
 from collections.abc import Iterator, Sequence
 from enum import Enum, StrEnum, auto
 from typing import NamedTuple, Protocol
@@ -67,9 +73,11 @@ def level_of(key: str) -> int | None:
 
 
 def name_of(key: str) -> str:
-    """Return the name of a key as it is printed: "SPACE", "Ctrl-C", "w"."""
+    """Return the name of a key as it is printed: "SPACE", "Ctrl-C", "w", "acute accent"."""
     if key == " ":
         return "SPACE"
+    if len(key) == 1 and not key.isascii():
+        return unicodedata.name(key, f"U+{ord(key):04X}").lower()
     return f"Ctrl-{chr(ord(key) | 0x40)}" if len(key) == 1 and key < " " else key
 
 
@@ -80,6 +88,19 @@ ALWAYS_KEYS = frozenset({SPACE, CTRL_C})
 FOCUS_OUT = "focus out"
 """Pseudo key: the terminal has lost the keyboard focus."""
 
+PASTED = "pasted text"
+SEVERAL = "different keys at once"
+PLAIN = "a key without its release"
+"""A plain character, although the terminal reports each key as a sequence with its release."""
+UNKNOWN = "an unknown key sequence"
+UNFINISHED = "Escape, or an unfinished key sequence"
+NOT_TYPED = frozenset({PASTED, SEVERAL, PLAIN, UNKNOWN, UNFINISHED})
+"""Pseudo keys in place of input that is not the press of a known key."""
+NO_MOTION = frozenset({*COMMANDS, FOCUS_OUT})
+"""Keys that the program handles, and that need not stop the robot."""
+
+MAX_KEYS = 2
+"""Maximum number of different keys that a person presses between two reads, also over a slow link."""
 MAX_PARAMETERS = 64
 """Maximum number of parameter characters in a key's sequence."""
 
@@ -99,8 +120,8 @@ _FINALS = {
     "S": "f4",
     "Z": "tab",
 }
-_NO_KEYS = "cnRIOt"
-"""CSI final bytes of reports that are not keys."""
+_REPORTS = re.compile(r"I|[?>]?[0-9;]+[cnRt]")
+"""Parameters and final bytes of reports that are not keys: focus, identification, status, cursor and size."""
 _MODIFIER_KEYS = frozenset({*range(57358, 57361), *range(57441, 57455)})
 """Modifier keys pressed alone, such as Shift, Ctrl and caps lock; they are ignored."""
 _CODES = {
@@ -144,21 +165,45 @@ class _State(Enum):
     """After ESC O: one byte."""
 
 
+def as_typed(events: Sequence[KeyEvent]) -> Sequence[KeyEvent]:
+    """Return the key events of one read; more than `MAX_KEYS` different keys were pasted, and only stop the robot."""
+    keys = {event.key for event in events if event.kind is not KeyKind.RELEASE} - ALWAYS_KEYS
+    if len(keys) <= MAX_KEYS:
+        return events
+    return [KeyEvent(SEVERAL), *(event for event in events if event.key in ALWAYS_KEYS)]
+
+
 class KeyDecoder:
     """Decodes keys from a stream of bytes that arrives in arbitrary pieces."""
 
     def __init__(self) -> None:
+        self._utf8 = codecs.getincrementaldecoder("utf-8")("surrogateescape")
         self._state = _State.GROUND
         self._parameters = ""
+        self._is_pasting = False
         self.tells_releases = False
-        """Set once the kitty protocol is active. A key that still arrives as a plain byte was pasted or typed earlier: its
-        release is not reported, so it counts as released immediately."""
+        """Set once the kitty protocol is active. A key that still arrives as a plain character was not pressed."""
+
+    @property
+    def is_unfinished(self) -> bool:
+        """Whether the last bytes are an Escape, or the beginning of a sequence or character."""
+        return self._state is not _State.GROUND or bool(self._utf8.getstate()[0])
 
     def feed(self, data: bytes) -> list[KeyEvent | Report]:
-        """Return the keys and reports that `data` completes, in order. Bytes beyond ASCII are keys without a function."""
-        return [event for char in data.decode("latin-1") for event in self._take(char)]
+        """Return the keys and reports that `data` completes, in order. Bytes that are not UTF-8 count as Latin-1."""
+        chars = (
+            chr(ord(char) & 0xFF) if "\udc80" <= char <= "\udcff" else char
+            for char in self._utf8.decode(data)
+        )
+        return [event for char in chars for event in self._take(SPACE if _is_space(char) else char)]
 
     def _take(self, char: str) -> Iterator[KeyEvent | Report]:
+        for event in self._decoded(char):
+            if not self._is_pasting or isinstance(event, Report) or event.key in ALWAYS_KEYS:
+                yield event
+            self._is_pasting |= event == KeyEvent(PASTED)
+
+    def _decoded(self, char: str) -> Iterator[KeyEvent | Report]:
         state, self._state = self._state, _State.GROUND
         if char in ALWAYS_KEYS:
             yield from self._typed(char)
@@ -172,11 +217,12 @@ class KeyDecoder:
             if self._state is _State.GROUND:
                 yield from self._typed(char)
         elif state is _State.SS3:
-            if char in _FINALS:
-                yield KeyEvent(_FINALS[char])
+            yield from self._typed(_FINALS.get(char, UNKNOWN))
         elif not "@" <= char <= "~":
             self._state = _State.CSI
             self._parameters = (self._parameters + char)[:MAX_PARAMETERS]
+        elif (self._parameters, char) == ("201", "~"):
+            self._is_pasting = False
         else:
             found = _sequence(self._parameters, char)
             if found is not None:
@@ -184,9 +230,15 @@ class KeyDecoder:
 
     def _typed(self, char: str) -> Iterator[KeyEvent]:
         key = _BYTES.get(char, char)
-        yield KeyEvent(key)
+        is_pressed = key in ALWAYS_KEYS or not self.tells_releases
+        yield KeyEvent(key if is_pressed else PLAIN)
         if self.tells_releases:
             yield KeyEvent(key, KeyKind.RELEASE)
+
+
+def _is_space(char: str) -> bool:
+    """Return whether a character is a space of any kind, or Ctrl-SPACE of a terminal without the kitty protocol."""
+    return char == "\0" or unicodedata.category(char) == "Zs"
 
 
 def _sequence(parameters: str, final: str) -> KeyEvent | Report | None:
@@ -197,6 +249,8 @@ def _sequence(parameters: str, final: str) -> KeyEvent | Report | None:
         return Report(ReportKind.WELL)
     if parameters == "" and final == "O":
         return KeyEvent(FOCUS_OUT)
+    if _REPORTS.fullmatch(parameters + final):
+        return None
     fields = [[_number(part) for part in field.split(":")] for field in parameters.split(";")]
     modifiers, event = (*(fields[1] if len(fields) > 1 else ()), 0, 0)[:2]
     kind = _KINDS.get(event, KeyKind.PRESS)
@@ -204,11 +258,9 @@ def _sequence(parameters: str, final: str) -> KeyEvent | Report | None:
     if final == "u":
         key = _key(fields[0], held, kind)
     elif final == "~":
-        key = None if parameters in ("200", "201") else f"~{fields[0][0]}"
-    elif final in _NO_KEYS:
-        key = None
+        key = PASTED if parameters == "200" else f"~{fields[0][0]}"
     else:
-        key = _FINALS.get(final)
+        key = _FINALS.get(final, UNKNOWN)
     return None if key is None else KeyEvent(key, kind)
 
 
@@ -219,6 +271,8 @@ def _key(codes: list[int], modifiers: int, kind: KeyKind) -> str | None:
     that of the unshifted key: Shift may have been pressed after the key, and then the release must end that key's press.
     """
     code = codes[0]
+    if any(_is_space(chr(code)) for code in codes if 0 < code <= sys.maxunicode):
+        return SPACE
     if modifiers & _SHIFT and codes[1:2] == [ord(QUESTION)] and kind is not KeyKind.RELEASE:
         return QUESTION
     if code > 0x7F and code not in _PRIVATE_USE and len(codes) > 2:

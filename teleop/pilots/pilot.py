@@ -58,8 +58,8 @@ class KeyEvent(NamedTuple):
 class Pilot(Protocol):
     """Converts the operator's input to a velocity. Pure: time, in seconds of the loop's clock, is an argument."""
 
-    def on_key(self, event: KeyEvent, now_s: float) -> None:
-        """Process a key; a key without a function has no effect, or stops the robot if the pilot stops on any key."""
+    def on_key(self, event: KeyEvent, now_s: float) -> bool:
+        """Process a key; return False if it has no function: then the pilot has become neutral."""
         ...
 
     def velocity(self, now_s: float) -> Velocity:
