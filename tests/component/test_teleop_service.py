@@ -10,12 +10,12 @@ import pytest
 
 from teleop.holder import ASK_LIMIT_S, POLL_S, SILENT_LIMIT_S, HeldError
 from teleop.pilots.keyboard import Hold, Incremental
-from teleop.pilots.keys import CTRL_C, CTRL_D, CTRL_Z
+from teleop.pilots.keys import CTRL_C, CTRL_D, CTRL_Z, PASTED, SEVERAL
 from teleop.pilots.pilot import NEUTRAL, RAMP_PERIOD_S, KeyEvent, KeyKind, Pilot, Ramp, Velocity
 from teleop.screen.controls import help_lines, key_help
 from teleop.screen.display import render
 from teleop.screen.view import Control, Line, View
-from teleop.service import MIN_GAP_S, RESET_TIMEOUT_S, SCREEN_LIMIT_S, Setup, Teleop
+from teleop.service import IGNORED_PERIOD_S, MIN_GAP_S, RESET_TIMEOUT_S, SCREEN_LIMIT_S, Setup, Teleop
 from virtual.loop import VirtualLoop
 from virtual.network import VirtualNetwork
 from wire import topics
@@ -539,7 +539,8 @@ class Stick:
     def __init__(self) -> None:
         self.at = NEUTRAL
 
-    def on_key(self, event: KeyEvent, now_s: float) -> None: ...
+    def on_key(self, event: KeyEvent, now_s: float) -> bool:
+        return True
 
     def velocity(self, now_s: float) -> Velocity:
         return self.at
@@ -1041,6 +1042,51 @@ async def test_a_key_release_reaches_the_pilot_and_is_no_command() -> None:
         assert b.wire.estops() == []
 
 
+@pytest.mark.parametrize(
+    ("key", "shown"),
+    [
+        ("^", "ignored ^, which has no function: the setpoint is zero"),
+        ("\xb4", "ignored acute accent, which has no function: the setpoint is zero"),
+        ("up", "ignored up, which has no function: the setpoint is zero"),
+        (PASTED, "ignored pasted text: the setpoint is zero"),
+        (SEVERAL, "ignored different keys at once: the setpoint is zero"),
+    ],
+)
+async def test_a_key_without_a_function_stops_at_once_and_is_shown_with_the_reason(
+    key: str, shown: str
+) -> None:
+    async with bench() as b:
+        await b.press("ww")
+        assert b.velocity() == (0.2, 0.0)
+        b.keys.happen(KeyEvent(key))
+        await asyncio.sleep(INSTANT_S)
+        assert b.velocity() == (0.0, 0.0)
+        assert b.screen.notes[-1] == shown
+        assert b.wire.estops() == []
+        await b.press("w")
+        assert b.velocity() == (0.1, 0.0)
+
+
+async def test_ignored_keys_are_shown_at_most_once_in_a_second() -> None:
+    async with bench() as b:
+        await b.press("^^~")
+        b.keys.happen(KeyEvent("~", KeyKind.REPEAT), KeyEvent("~", KeyKind.RELEASE))
+        await asyncio.sleep(IGNORED_PERIOD_S - 0.1)
+        await b.press("~")
+        assert [note for note in b.screen.notes if "ignored" in note] == [
+            "ignored ^, which has no function: the setpoint is zero"
+        ]
+        await asyncio.sleep(0.1)
+        await b.press("~")
+        assert b.screen.notes[-1] == "ignored ~, which has no function: the setpoint is zero"
+
+
+async def test_a_viewer_shows_a_key_without_a_function_too() -> None:
+    async with bench(control=Control.VIEW_ONLY) as viewer:
+        await viewer.press("w")
+        assert viewer.screen.notes[-1] == "ignored w, which has no function"
+
+
 # --- the help
 
 
@@ -1074,7 +1120,7 @@ async def test_the_heartbeat_is_the_same_with_the_help_open_and_the_keys_act() -
             await asyncio.sleep(0.1)
             return [(round(at_s - b.start_s, 4), value) for at_s, value in b.wire.commands()]
 
-    plain, helped = await commands("z"), await commands("?")
+    plain, helped = await commands("5"), await commands("?")
     assert helped == plain
     assert helped[-1][1] == (0.2, 0.2)
 

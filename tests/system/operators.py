@@ -133,8 +133,8 @@ class Operator:
         self.kitty, self.answers = kitty, answers
         self.kitty_flags: list[int] = []
         """As they were pushed."""
-        self.modes_on: set[str] = set()
-        """DEC private modes that are set."""
+        self.modes_on = {"1007"}
+        """DEC private modes that are set; most terminals begin with alternate scroll (1007)."""
         self.endpoint = ""
         self.output = ""
         self.bells = 0
@@ -195,7 +195,8 @@ class Operator:
             self.modes() == self.modes_before
             and self._screen == 0
             and not self._screens[0].cursor.hidden
-            and self.modes_on <= {"7", "25"}
+            and "1007" in self.modes_on
+            and self.modes_on <= {"7", "25", "1007"}
             and not self.kitty_flags
         )
 
@@ -257,6 +258,10 @@ class Operator:
         """Send a key by the kitty protocol: 1 press, 2 repeat, 3 release."""
         number = ord(code) if isinstance(code, str) else code
         self.type(f"\x1b[{number};{modifiers}:{event}u".encode())
+
+    def paste(self, text: bytes) -> None:
+        """Paste a text, marked if the program asked for it."""
+        self.type(b"\x1b[200~" + text + b"\x1b[201~" if "2004" in self.modes_on else text)
 
     def hang_up(self) -> None:
         """Close the terminal, like a closed window or a lost connection."""

@@ -86,6 +86,8 @@ class VirtualPad:
         self.tell(stick(Y, UP[self.name]))
 
     def centre(self) -> None:
+        """Move the stick and centre it: the kernel reports no position that it assumes already."""
+        self.push()
         self.tell(stick(Y, CENTRE[self.name]), stick(ecodes.ABS_X, CENTRE[self.name]))
 
     def unplug(self) -> None:
@@ -218,6 +220,7 @@ async def test_the_wheels_obey_the_stick_and_stop_for_the_button_and_the_plug(tm
             await subject.ready()
             settled_s = time.monotonic() + gamepad.SETTLE_S
             await subject.until(lambda: time.monotonic() > settled_s, "the pad to settle")
+            pad.centre()
             pad.tell(button(TL, 1))
             pad.push()
             await subject.until(lambda: subject.speed_m_s > 0.45, "half a metre per second")

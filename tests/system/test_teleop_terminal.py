@@ -59,6 +59,62 @@ async def test_cursor_keys_do_not_drive_and_a_stray_escape_does_not_hide_the_eme
         assert set(h.velocities[seen:]) <= {ZERO, (0.1, 0.0)}
 
 
+STOP_SIGNS = (b"^", b"~", "´".encode(), b"\x1b", b"\x13", b"\x1b[A")
+"""The first three are a dead key before SPACE."""
+
+
+@pytest.mark.parametrize("key", STOP_SIGNS, ids=["^", "~", "acute", "Escape", "Ctrl-S", "cursor"])
+async def test_a_key_without_a_function_stops_the_robot_and_is_shown(key: bytes) -> None:
+    async with driving() as (h, op):
+        op.type(key)
+        await until(lambda: h.asks(*ZERO))
+        await until(lambda: "ignored" in op.picture)
+        assert not h.got_estop()
+
+
+@pytest.mark.parametrize("options", [(), ("--plain",)], ids=["screen", "line"])
+@pytest.mark.parametrize("text", [b"www.example.org", b"r", b"w", b"wwq"])
+async def test_pasted_text_stops_the_robot_and_requests_no_motion_and_no_reset(
+    text: bytes, options: tuple[str, ...]
+) -> None:
+    async with driving(*options) as (h, op):
+        seen = len(h.velocities)
+        op.paste(text)
+        await until(lambda: h.asks(*ZERO))
+        await until(lambda: "ignored pasted text" in op.output)
+        assert set(h.velocities[seen:]) <= {ZERO, (0.1, 0.0)}
+        op.type(b"w")
+        await until(lambda: h.asks(0.1, 0.0))
+        assert "reset" not in op.output.rpartition("ignored")[2]
+        op.type(b"\x03")
+        assert await op.ended() == (0, "")
+        await until(lambda: op.is_restored)
+
+
+async def test_a_paste_that_the_terminal_does_not_mark_stops_the_robot() -> None:
+    async with driving() as (h, op):
+        seen = len(h.velocities)
+        op.type(b"www.example.org")
+        await until(lambda: h.asks(*ZERO))
+        await until(lambda: "ignored different keys at once" in op.picture)
+        assert set(h.velocities[seen:]) <= {ZERO, (0.1, 0.0)}
+
+
+async def test_equal_keys_that_a_slow_link_delivers_at_once_all_count() -> None:
+    async with driving() as (h, op):
+        op.type(b"wwa")
+        await until(lambda: h.asks(0.3, 0.2))
+
+
+@pytest.mark.parametrize(
+    "space", [b"\xc2\xa0", b"\xe3\x80\x80", b"\xe2\x80\xaf", b"\xa0", b"\x1b[160;4u", b"\0"]
+)
+async def test_every_kind_of_space_is_the_emergency_stop(space: bytes) -> None:
+    async with driving() as (h, op):
+        op.type(space)
+        await until(lambda: h.got_estop() and h.asks(*ZERO))
+
+
 async def test_the_line_shows_what_the_supervisor_says_and_a_reset_its_answer() -> None:
     async with driving("--plain") as (h, op):
         await until(lambda: "SPACE" in op.output and "waiting for the supervisor" in op.output)
@@ -107,7 +163,7 @@ async def test_keys_that_nobody_took_do_not_reach_the_shell() -> None:
 
 async def test_ctrl_s_freezes_nothing() -> None:
     async with driving("--plain") as (h, op):
-        op.type(b"\x13w")
+        op.type(b"\x13ww")
         await until(lambda: h.asks(0.2, 0.0))
         await until(lambda: "v +0.20 m/s" in op.output)
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from teleop.gamepad.pad import MAX_DEAD_ZONE, SETTLE_S, Axis, Gamepad, PadEvent, PadState, Phase, deflection
 from teleop.pilots.config import GamepadSection
+from teleop.pilots.keys import FOCUS_OUT, PASTED
 from teleop.pilots.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity
 from tests.unit.teleop.pads import (
     DROPPED,
@@ -47,6 +48,13 @@ def plugged_in(*pressed: int, x: int = 0, y: int = 0) -> Gamepad:
     return pilot
 
 
+def reported() -> Gamepad:
+    """A pad that has reported a centred stick."""
+    pilot = plugged_in()
+    tell(pilot, stick(Y, 0))
+    return pilot
+
+
 def tell(pilot: Gamepad, *samples: Sample, at_s: float = ARMED_S) -> Velocity:
     """Send one report; return the pilot's velocity."""
     for sample in (*samples, REPORT):
@@ -55,7 +63,7 @@ def tell(pilot: Gamepad, *samples: Sample, at_s: float = ARMED_S) -> Velocity:
 
 
 def driving(y: int = UP, x: int = 0) -> Gamepad:
-    pilot = plugged_in()
+    pilot = reported()
     tell(pilot, button(TL, 1))
     tell(pilot, stick(Y, y), stick(X, x))
     return pilot
@@ -167,8 +175,7 @@ def test_turbo_alone_moves_nothing() -> None:
 def test_a_level_is_a_share_in_fifths() -> None:
     pilot: Pilot = driving()
     assert pilot.level == 5
-    for key in "2x":
-        pilot.on_key(KeyEvent(key), ARMED_S)
+    pilot.on_key(KeyEvent("2"), ARMED_S)
     assert pilot.level == 2
     assert pilot.velocity(ARMED_S).linear_m_s == pytest.approx(0.4 * MAX_LINEAR_M_S / 2)
 
@@ -228,8 +235,26 @@ def test_a_button_that_the_first_report_shows_pressed_was_held_before() -> None:
     assert tell(pilot, stick(Y, UP)) == NEUTRAL
 
 
-def test_a_button_pressed_after_the_pad_has_settled_counts() -> None:
+@pytest.mark.parametrize("first", [(), (stick(Y, UP),), (stick(X, LEFT), stick(Y, UP))])
+def test_a_pad_moves_nothing_until_it_has_reported_a_centred_stick(first: tuple[Sample, ...]) -> None:
+    """Before the first report, the kernel assumes that the stick is at 0."""
     pilot = plugged_in()
+    tell(pilot, button(TL, 1))
+    assert "move the stick" in pilot.note
+    assert tell(pilot, *first) == tell(pilot, stick(Y, UP)) == NEUTRAL
+    tell(pilot, stick(Y, 0), stick(X, 0))
+    assert tell(pilot, stick(Y, UP)) == FULL
+
+
+def test_a_pad_that_is_connected_again_must_report_its_stick_again() -> None:
+    pilot = driving()
+    pilot.plug_in("pad", state(), START_S)
+    tell(pilot, button(TL, 1))
+    assert tell(pilot, stick(Y, UP)) == NEUTRAL
+
+
+def test_a_button_pressed_after_the_pad_has_settled_counts() -> None:
+    pilot = reported()
     tell(pilot, button(TL, 1), at_s=ARMED_S)
     assert tell(pilot, stick(Y, UP)) == FULL
 
@@ -254,11 +279,21 @@ def test_the_stop_key_ends_the_hold(key: str) -> None:
     assert press_again(pilot) == FULL
 
 
-def test_a_key_released_and_a_key_without_meaning_change_nothing() -> None:
+@pytest.mark.parametrize(
+    "event", [KeyEvent("s", KeyKind.RELEASE), KeyEvent("?"), KeyEvent(FOCUS_OUT), KeyEvent("5")]
+)
+def test_a_key_released_and_a_key_of_the_program_change_nothing(event: KeyEvent) -> None:
     pilot = driving()
-    pilot.on_key(KeyEvent("s", KeyKind.RELEASE), ARMED_S)
-    pilot.on_key(KeyEvent("up"), ARMED_S)
+    assert pilot.on_key(event, ARMED_S)
     assert pilot.velocity(ARMED_S) == FULL
+
+
+@pytest.mark.parametrize("key", ["up", "^", "0", "w", PASTED])
+def test_a_key_without_a_function_ends_the_hold(key: str) -> None:
+    pilot = driving()
+    assert not pilot.on_key(KeyEvent(key), ARMED_S)
+    assert pilot.velocity(ARMED_S) == NEUTRAL
+    assert press_again(pilot) == FULL
 
 
 def test_letting_go_counts_before_the_stick_was_centred_too() -> None:
@@ -337,7 +372,7 @@ def test_any_event_is_a_sign_of_life() -> None:
 
 
 def test_a_pad_may_be_silent_for_ever_while_it_asks_for_nothing() -> None:
-    pilot = plugged_in()
+    pilot = reported()
     tell(pilot, button(TL, 1))
     assert pilot.next_s == math.inf
     assert tell(pilot, stick(Y, UP), at_s=ARMED_S + 1000) == FULL

@@ -111,6 +111,7 @@ class Desk:
         await self.until(lambda: self.pilot.phase is phase)
 
     async def drive(self) -> None:
+        self.pad.tell(stick(Y, 0), REPORT)
         self.pad.tell(button(TL, 1), REPORT)
         self.pad.tell(stick(Y, UP), REPORT)
         await self.until(self.is_moving)

@@ -59,8 +59,7 @@ def acts(key: str, control: Control) -> bool:
         return False
     pilot = pilot_of(control)
     before = state_of(pilot)
-    pilot.on_key(KeyEvent(key), 0.0)
-    return state_of(pilot) != before
+    return pilot.on_key(KeyEvent(key), 0.0) and state_of(pilot) != before
 
 
 @pytest.mark.parametrize("control", [Control.INCREMENTAL, Control.HOLD, Control.VIEW_ONLY])

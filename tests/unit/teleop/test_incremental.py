@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.pilots.keyboard import DEFAULT_MOST, DEFAULT_STEP, Incremental
+from teleop.pilots.keyboard import DEFAULT_MOST, DEFAULT_STEP, STEPS, Incremental
+from teleop.pilots.keys import LEVEL_KEYS, NO_MOTION, NOT_TYPED, STOP_KEY
 from teleop.pilots.pilot import LEVELS, NEUTRAL, KeyEvent, KeyKind, Pilot, Ramp, Velocity
 
 
@@ -63,6 +64,24 @@ def test_other_keys_and_the_arrows_ask_for_nothing() -> None:
     for key in ("up", "left", "f1", "i", "6", " ", "r", "q", "focus out"):
         subject.on_key(KeyEvent(key), 0.0)
     assert subject.wanted() == NEUTRAL
+
+
+@given(st.sampled_from(["up", "f1", "6", "^", "~", "\xb4", *NOT_TYPED]) | st.text(max_size=3))
+def test_a_key_without_a_function_stops_at_once(key: str) -> None:
+    subject = pilot()
+    press(subject, "www")
+    assert not subject.velocity(0.2).is_neutral
+    is_known = key.lower() in {*STEPS, *LEVEL_KEYS, *NO_MOTION, STOP_KEY}
+    assert subject.on_key(KeyEvent(key), 0.2) is is_known
+    assert is_known or (subject.velocity(0.2), subject.wanted()) == (NEUTRAL, NEUTRAL)
+
+
+@pytest.mark.parametrize("key", [*NO_MOTION, "R", "Q", "3"])
+def test_a_key_of_the_program_and_a_level_do_not_stop(key: str) -> None:
+    subject = pilot()
+    press(subject, "w")
+    assert subject.on_key(KeyEvent(key), 0.0)
+    assert subject.wanted() == Velocity(0.1)
 
 
 def test_the_ramp_is_due_while_it_moves() -> None:

@@ -1,5 +1,8 @@
 """The terminal's bytes -> keys, and the meaning of each key."""
 
+import sys
+import unicodedata
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,10 +15,15 @@ from teleop.pilots.keys import (
     CTRL_Z,
     FOCUS_OUT,
     MAX_PARAMETERS,
+    PASTED,
+    PLAIN,
+    SEVERAL,
+    UNKNOWN,
     Command,
     KeyDecoder,
     Report,
     ReportKind,
+    as_typed,
     level_of,
     name_of,
 )
@@ -48,6 +56,10 @@ FRAGMENTS = (
     b"\x1b[?15u",
     b"\x1b[99;5:3u",
     b"\x1b[0n",
+    b"\x1b[200~",
+    b"\x1b[201~",
+    b"\xc2\xa0",
+    b"\xe3\x80",
     b":",
     b";",
     b"u",
@@ -80,18 +92,24 @@ def test_a_cursor_or_function_key_has_a_name_and_is_no_letter(sequence: bytes, k
 @pytest.mark.parametrize(
     "sequence",
     [
-        b"\x1b[200~",
         b"\x1b[201~",
-        b"\x1b[@",
         b"\x1b[I",
         b"\x1b[?62;22c",
         b"\x1b[24;80R",
         b"\x1b[3n",
-        b"\x1bOj",
+        b"\x1b[8;24;80t",
+        b"\x1b[48;24;80;480;800t",
     ],
 )
 def test_what_a_terminal_reports_by_itself_is_no_key(sequence: bytes) -> None:
     assert keys(b"w" + sequence + b"x") == ["w", "x"]
+
+
+@pytest.mark.parametrize(
+    "sequence", [b"\x1b[@", b"\x1bOj", b"\x1b[<0;10;10M", b"\x1b[t", b"\x1b[1;1;x", b"\x1b[n"]
+)
+def test_a_sequence_that_is_neither_a_key_nor_a_report_is_an_unknown_key(sequence: bytes) -> None:
+    assert keys(b"w" + sequence + b"x") == ["w", UNKNOWN, "x"]
 
 
 @pytest.mark.parametrize(
@@ -161,11 +179,11 @@ def test_parameters_without_end_are_no_key_and_fill_no_memory() -> None:
     assert decoder.feed(b"\x1b[32u") == [KeyEvent(" ")]
 
 
-def test_a_plain_byte_where_releases_are_reported_is_released_at_once() -> None:
+def test_a_plain_character_where_releases_are_reported_was_not_pressed_unless_it_stops() -> None:
     decoder = KeyDecoder()
     decoder.tells_releases = True
     assert decoder.feed(b"i\x1b[105u ") == [
-        KeyEvent("i"),
+        KeyEvent(PLAIN),
         KeyEvent("i", RELEASE),
         KeyEvent("i"),
         KeyEvent(" "),
@@ -221,8 +239,98 @@ def test_how_the_bytes_are_cut_makes_no_difference(stream: list[bytes]) -> None:
     assert in_pieces == KeyDecoder().feed(b"".join(stream))
 
 
-def test_bytes_beyond_ascii_do_not_raise() -> None:
-    assert "w" in keys(b"\xff\xc3\xa4w")
+def test_bytes_beyond_ascii_are_utf_8_or_else_latin_1() -> None:
+    assert keys(b"\xff\xc3\xa4\xb4w") == ["\xff", "\xe4", "\xb4", "w"]
+
+
+# --- spaces
+
+SPACES = [chr(code) for code in range(sys.maxunicode + 1) if unicodedata.category(chr(code)) == "Zs"]
+
+
+@given(pieces, st.sampled_from([*(space.encode() for space in SPACES), b"\0"]), pieces, st.integers(0, 4))
+def test_every_space_of_unicode_is_the_emergency_stop_whatever_surrounds_it_and_however_it_is_cut(
+    before: list[bytes], space: bytes, after: list[bytes], cut: int
+) -> None:
+    decoder = KeyDecoder()
+    events = [event for piece in before for event in decoder.feed(piece)]
+    count = events.count(KeyEvent(" "))
+    events += [*decoder.feed(space[:cut]), *decoder.feed(space[cut:])]
+    assert events.count(KeyEvent(" ")) > count
+    decoder.feed(b"".join(after))
+
+
+def test_a_no_break_space_of_a_latin_1_terminal_is_the_emergency_stop() -> None:
+    assert keys(b"\xa0") == [" "]
+
+
+@pytest.mark.parametrize("space", SPACES)
+@pytest.mark.parametrize("fields", ["{0}", "{0};2:1", "{0}:63;8:1", "32:{0};2", "1089:63:{0};5:1"])
+def test_every_space_of_the_kitty_protocol_is_the_emergency_stop_with_any_modifiers(
+    space: str, fields: str
+) -> None:
+    assert KeyDecoder().feed(f"\x1b[{fields.format(ord(space))}u".encode()) == [KeyEvent(" ")]
+
+
+# --- what no person typed
+
+
+@pytest.mark.parametrize("count", range(1, 11))
+@pytest.mark.parametrize("key", ["w", "r", "\x1b[A"])
+def test_equal_keys_in_one_read_all_count(key: str, count: int) -> None:
+    events = [KeyEvent(name) for name in keys((key * count).encode())]
+    assert len(events) == count
+    assert as_typed(events) == events
+
+
+@pytest.mark.parametrize("typed", ["wwa", "wa", "ww aa", "s\x03w ", "wawawawawa"])
+def test_two_different_keys_in_one_read_count(typed: str) -> None:
+    events = [KeyEvent(key) for key in typed]
+    assert as_typed(events) == events
+
+
+@pytest.mark.parametrize("pasted", ["www.example.org", "wad", "reset", "wwwwwwwwad"])
+def test_more_different_keys_in_one_read_are_none(pasted: str) -> None:
+    assert as_typed([KeyEvent(key) for key in pasted]) == [KeyEvent(SEVERAL)]
+
+
+def test_releases_of_many_keys_are_no_keys() -> None:
+    events = [KeyEvent(key, RELEASE) for key in "ijlm"]
+    assert as_typed([*events, KeyEvent("i")]) == [*events, KeyEvent("i")]
+
+
+@given(st.lists(st.builds(KeyEvent, st.sampled_from("wad\x03 ."), st.sampled_from(KeyKind))))
+def test_the_keys_that_must_come_through_do_so_among_any_others(events: list[KeyEvent]) -> None:
+    for key in (" ", CTRL_C):
+        assert [e for e in as_typed(events) if e.key == key] == [e for e in events if e.key == key]
+
+
+@given(st.binary(max_size=40).filter(lambda text: b"\x1b" not in text), st.integers(0, 60))
+def test_pasted_text_is_one_key_that_nobody_knows_and_its_spaces_stop(text: bytes, cut: int) -> None:
+    data = b"\x1b[200~" + text + b"\x1b[201~w"
+    decoder = KeyDecoder()
+    found = [event for piece in (data[:cut], data[cut:]) for event in decoder.feed(piece)]
+    first, *pasted, last = found
+    assert (first, last) == (KeyEvent(PASTED), KeyEvent("w"))
+    assert {event.key for event in pasted if isinstance(event, KeyEvent)} <= {" ", CTRL_C}
+    assert len(pasted) >= text.count(b" ") + text.count(CTRL_C.encode())
+
+
+def test_a_terminal_may_report_in_the_middle_of_pasted_text() -> None:
+    assert KeyDecoder().feed(b"\x1b[200~w\x1b[0nr\x1b[105;1:1u\x1b[201~") == [
+        KeyEvent(PASTED),
+        Report(ReportKind.WELL),
+    ]
+
+
+@pytest.mark.parametrize("begun", [b"\x1b", b"\x1b[", b"\x1b[1;", b"\x1bO", b"\xe3", b"\xe3\x80"])
+def test_an_escape_and_the_beginning_of_a_sequence_or_character_are_unfinished(begun: bytes) -> None:
+    decoder = KeyDecoder()
+    assert not decoder.is_unfinished
+    decoder.feed(begun)
+    assert decoder.is_unfinished
+    decoder.feed(b" ")
+    assert not decoder.is_unfinished
 
 
 @pytest.mark.parametrize(
@@ -316,5 +424,6 @@ def test_the_legend_names_no_step_because_the_level_changes_it() -> None:
 
 
 def test_a_key_without_a_character_has_a_name() -> None:
-    keys = (" ", CTRL_C, CTRL_BACKSLASH, "w", "up")
-    assert [name_of(key) for key in keys] == ["SPACE", "Ctrl-C", "Ctrl-\\", "w", "up"]
+    keys = (" ", CTRL_C, CTRL_BACKSLASH, "w", "up", "\xb4", "\x9b")
+    names = ["SPACE", "Ctrl-C", "Ctrl-\\", "w", "up", "acute accent", "u+009b"]
+    assert [name_of(key) for key in keys] == names
