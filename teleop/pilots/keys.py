@@ -167,7 +167,7 @@ class _State(Enum):
 
 def as_typed(events: Sequence[KeyEvent]) -> Sequence[KeyEvent]:
     """Return the key events of one read; more than `MAX_KEYS` different keys were pasted, and only stop the robot."""
-    keys = {event.key for event in events if event.kind is not KeyKind.RELEASE} - ALWAYS_KEYS
+    keys = {event.key for event in events if event.kind is KeyKind.PRESS} - ALWAYS_KEYS
     if len(keys) <= MAX_KEYS:
         return events
     return [KeyEvent(SEVERAL), *(event for event in events if event.key in ALWAYS_KEYS)]
