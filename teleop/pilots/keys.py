@@ -99,7 +99,7 @@ NOT_TYPED = frozenset({PASTED, SEVERAL, PLAIN, UNKNOWN, UNFINISHED})
 NO_MOTION = frozenset({*COMMANDS, FOCUS_OUT})
 """Keys that the program handles, and that need not stop the robot."""
 
-MAX_KEYS = 2
+MAX_KEYS = 3
 """Maximum number of different keys that a person presses between two reads, also over a slow link."""
 MAX_PARAMETERS = 64
 """Maximum number of parameter characters in a key's sequence."""

@@ -283,13 +283,13 @@ def test_equal_keys_in_one_read_all_count(key: str, count: int) -> None:
     assert as_typed(events) == events
 
 
-@pytest.mark.parametrize("typed", ["wwa", "wa", "ww aa", "s\x03w ", "wawawawawa"])
-def test_two_different_keys_in_one_read_count(typed: str) -> None:
+@pytest.mark.parametrize("typed", ["wwa", "wa", "ww aa", "s\x03wa ", "swwwwwa", "wawawawawa"])
+def test_a_few_different_keys_in_one_read_count(typed: str) -> None:
     events = [KeyEvent(key) for key in typed]
     assert as_typed(events) == events
 
 
-@pytest.mark.parametrize("pasted", ["www.example.org", "wad", "reset", "wwwwwwwwad"])
+@pytest.mark.parametrize("pasted", ["www.example.org", "wads", "reset", "wwwwwwwwads"])
 def test_more_different_keys_in_one_read_are_none(pasted: str) -> None:
     assert as_typed([KeyEvent(key) for key in pasted]) == [KeyEvent(SEVERAL)]
 
