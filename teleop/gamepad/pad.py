@@ -1,10 +1,9 @@
 """A gamepad's events -> velocity: the pilot of `--mode gamepad`, without the device.
 
-The robot moves only while the dead-man button is held, after the press was received and the stick was centred since. The stick must have been reported since
-the pad was connected.
-When the button is released, the velocity is zero immediately. A doubtful state of the button also ends the hold: the
-pad was unplugged, events were lost, the pad was silent for too long, or the operator stopped with a key. After that, the
-button must be released and pressed again.
+The robot moves only while the dead-man button is held, after the press was received and the stick was centred since. The
+stick must have been reported since the pad was connected. When the button is released, the velocity is zero immediately.
+A doubtful state of the button also ends the hold: the pad was unplugged, events were lost, the pad was silent for too
+long, or the operator stopped with a key. After that, the button must be released and pressed again.
 """
 
 import math
@@ -250,7 +249,7 @@ class Gamepad:
             case Phase.READY:
                 return f"{self.name}: hold {dead_man} to drive, {label_of(section.turbo_button)} is turbo"
             case Phase.CENTRE:
-                return "move the stick, and centre it" if not self._is_reported else "centre the stick first"
+                return "centre the stick first" if self._is_reported else "move the stick, and centre it"
             case Phase.DRIVING:
                 return f"driving while {dead_man} is held"
             case _:

@@ -166,11 +166,15 @@ class _State(Enum):
 
 
 def as_typed(events: Sequence[KeyEvent]) -> Sequence[KeyEvent]:
-    """Return the key events of one read; more than `MAX_KEYS` different keys were pasted, and only stop the robot."""
+    """Return the key events of one read, or one pseudo key if no person typed them, with the keys that always count.
+
+    More than `MAX_KEYS` different keys were pasted. An unknown sequence may continue in characters, as a mouse report does.
+    """
     keys = {event.key for event in events if event.kind is KeyKind.PRESS} - ALWAYS_KEYS
-    if len(keys) <= MAX_KEYS:
+    if len(keys) <= MAX_KEYS and UNKNOWN not in keys:
         return events
-    return [KeyEvent(SEVERAL), *(event for event in events if event.key in ALWAYS_KEYS)]
+    why = UNKNOWN if UNKNOWN in keys else SEVERAL
+    return [KeyEvent(why), *(event for event in events if event.key in ALWAYS_KEYS)]
 
 
 class KeyDecoder:
@@ -229,11 +233,8 @@ class KeyDecoder:
                 yield found
 
     def _typed(self, char: str) -> Iterator[KeyEvent]:
-        key = _BYTES.get(char, char)
-        is_pressed = key in ALWAYS_KEYS or not self.tells_releases
-        yield KeyEvent(key if is_pressed else PLAIN)
-        if self.tells_releases:
-            yield KeyEvent(key, KeyKind.RELEASE)
+        is_pressed = char in ALWAYS_KEYS or not self.tells_releases
+        yield KeyEvent(_BYTES.get(char, char) if is_pressed else PLAIN)
 
 
 def _is_space(char: str) -> bool:

@@ -184,10 +184,8 @@ def test_a_plain_character_where_releases_are_reported_was_not_pressed_unless_it
     decoder.tells_releases = True
     assert decoder.feed(b"i\x1b[105u ") == [
         KeyEvent(PLAIN),
-        KeyEvent("i", RELEASE),
         KeyEvent("i"),
         KeyEvent(" "),
-        KeyEvent(" ", RELEASE),
     ]
 
 
@@ -292,6 +290,11 @@ def test_a_few_different_keys_in_one_read_count(typed: str) -> None:
 @pytest.mark.parametrize("pasted", ["www.example.org", "wads", "reset", "wwwwwwwwads"])
 def test_more_different_keys_in_one_read_are_none(pasted: str) -> None:
     assert as_typed([KeyEvent(key) for key in pasted]) == [KeyEvent(SEVERAL)]
+
+
+def test_the_position_in_a_mouse_report_is_no_key() -> None:
+    events = [event for event in KeyDecoder().feed(b"\x1b[M`ww") if isinstance(event, KeyEvent)]
+    assert as_typed(events) == [KeyEvent(UNKNOWN)]
 
 
 def test_releases_of_many_keys_are_no_keys() -> None:
