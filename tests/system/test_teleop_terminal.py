@@ -59,6 +59,25 @@ async def test_cursor_keys_do_not_drive_and_a_stray_escape_does_not_hide_the_eme
         assert set(h.velocities[seen:]) <= {ZERO, (0.1, 0.0)}
 
 
+async def test_of_the_keys_of_the_lab_none_is_ignored() -> None:
+    async with driving() as (h, op):
+        for keys, velocity in (("ww", (0.3, 0.0)), ("aa", (0.3, 0.4)), ("s", ZERO), ("xx", (-0.2, 0.0))):
+            for key in keys:
+                op.type(key.encode())
+            await until(lambda velocity=velocity: h.asks(*velocity))
+        for keys, shown in (("ddd", "-0.60"), ("?", "forward by one step"), ("3", "3 of 5"), ("5", "5 of 5")):
+            op.type(keys.encode())
+            await until(lambda shown=shown: shown in op.picture)
+        await until(lambda: h.asks(-0.2, -0.6))
+        op.type(b" ")
+        await until(h.got_estop)
+        op.type(b"r")
+        await until(lambda: "reset refused" in op.output)
+        op.type(b"q")
+        assert await op.ended() == (0, "")
+        assert "ignored" not in op.output
+
+
 STOP_SIGNS = (b"^", b"~", "´".encode(), b"\x1b", b"\x13", b"\x1b[A")
 """The first three are a dead key before SPACE."""
 
