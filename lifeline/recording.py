@@ -22,6 +22,8 @@ MESSAGE_ENCODING, SCHEMA_ENCODING = "cdr", "ros2msg"
 NO_QOS = "[]"
 """What all versions of rosbag2 write if no QoS was offered; rosbag2 then plays with its default QoS."""
 MAX_SEQUENCE = 1 << 32
+MAX_TIME_NS = (1 << 63) - 1
+"""The largest time that tools for recordings accept; MCAP has one bit more."""
 
 
 class RecordingError(DeployError):
@@ -153,6 +155,8 @@ class RecordingReader:
                             schemas[record.id] = record
                         case Channel():
                             channels[record.id] = record
+                        case Message(log_time=time_ns) if time_ns > MAX_TIME_NS:
+                            raise ValueError(f"a message at {time_ns} ns")  # noqa: TRY301 - ends the reading
                         case Message(channel_id=number) if number in channels:
                             channel = channels[number]
                             schema = schemas.get(channel.schema_id)

@@ -4,13 +4,13 @@ Lengths are in m, yaw in degrees, counter-clockwise from x. The origin is the ce
 its size.
 """
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
 from sim.movers import BODIES, Mover, MoverKind, Way
+from wire.foreign import ForeignError, from_toml, read_text
 from wire.host.config import Section
 
 LAYOUTS = Path(__file__).with_name("layouts")
@@ -165,10 +165,10 @@ def read_layout(path: Path) -> Layout:
         LayoutError: The file cannot be read, is not TOML, or has invalid keys or values; the message names all of them.
     """
     try:
-        document = tomllib.loads(path.read_text("utf-8-sig"))  # some editors write a BOM
+        document = from_toml(read_text(path))
     except OSError as error:
         raise LayoutError(f"it cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ForeignError as error:
         raise LayoutError(f"it is not TOML: {error}") from error
     try:
         return Layout.model_validate(document)

@@ -20,6 +20,7 @@ from tempfile import mkdtemp
 
 from deploy.keys.register import Register, from_json, to_json
 from deploy.stack.errors import DeployError
+from wire import foreign
 from wire.bundle import AUTHORITY, CERTIFICATE_SUFFIX, KEY_SUFFIX
 from wire.host.config import ConfigError, absolute
 from wire.ownership import ENTER, make_directory, refusal
@@ -69,7 +70,7 @@ class Folder:
             DeployError: it cannot be read.
         """
         try:
-            return from_json(json.loads(self._register.read_bytes()))
+            return from_json(foreign.from_json(foreign.read_text(self._register)))
         except FileNotFoundError:
             return Register()
         except OSError as error:

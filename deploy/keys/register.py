@@ -20,6 +20,8 @@ NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
 HOST = re.compile(
     r"(?=.{1,253}$)[A-Za-z0-9]([A-Za-z0-9-]{0,61}[A-Za-z0-9])?(\.[A-Za-z0-9]([A-Za-z0-9-]{0,61}[A-Za-z0-9])?)*"
 )
+END_OF_DATES_S = 253_402_300_800
+"""The year 10000, in seconds since the epoch."""
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 """Hosts in the certificate of every server."""
 
@@ -205,13 +207,19 @@ def from_json(document: Any) -> Register:  # noqa: ANN401 - any JSON value
                 str(one["robot"]),
                 tuple(str(host) for host in one["hosts"]),
                 str(one["serial"]),
-                float(one["ends_s"]),
+                _time_s(one["ends_s"]),
             )
             for one in document["issued"]
         )
-        return Register(issued, {str(name): float(when_s) for name, when_s in document["revoked"].items()})
+        return Register(issued, {str(name): _time_s(time_s) for name, time_s in document["revoked"].items()})
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError("not a register") from error
+
+
+def _time_s(value: Any) -> float:  # noqa: ANN401 - any JSON value
+    if not 0 <= value < END_OF_DATES_S:
+        raise ValueError(f"{value} is not a time")
+    return float(value)
 
 
 def day(time_s: float) -> str:

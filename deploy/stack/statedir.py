@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import Any, cast
 
 from deploy.stack.errors import DeployError
+from wire.foreign import ForeignError, from_json, read_text
 from wire.host.config import ConfigError, absolute
 from wire.host.state_directory import ENVIRONMENT, state_directory
 from wire.ownership import make_directory, open_own, refusal
 
+MAX_PID = 1 << 22
 SOCKET_PATH_LIMIT = 99
 """Bytes. The kernel permits 107; supervisord first binds to the path with a dot and its pid appended."""
 
@@ -128,7 +130,9 @@ class LockedError(DeployError):
 
     def __init__(self, state: StateDir) -> None:
         record = read_json(state.lock)
-        self.pid: object = record.get("pid")
+        pid: object = record.get("pid")
+        # Other numbers stand for several processes, or for none.
+        self.pid = pid if isinstance(pid, int) and 1 < pid <= MAX_PID else None
         self.command: object = record.get("command")
         who = f"`lifeline {self.command}` (pid {self.pid})" if self.pid else "another `lifeline`"
         super().__init__(
@@ -167,7 +171,7 @@ def locked(state: StateDir, command: str) -> Generator[None]:
 def read_json(path: Path) -> dict[str, Any]:
     """Read a JSON object from a file; return an empty one if there is none."""
     try:
-        document: object = json.loads(path.read_text())
-    except (OSError, ValueError):
+        document: object = from_json(read_text(path))
+    except (OSError, ForeignError):
         return {}
     return cast("dict[str, Any]", document) if isinstance(document, dict) else {}

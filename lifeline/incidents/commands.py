@@ -38,6 +38,7 @@ PLOT_HEIGHT = 8
 PLOT_LABEL = 8
 """Columns of the axis labels and the axis of a plot."""
 PLOT_MIN_COLUMNS = 20
+MAX_DRAWN = 1e6
 UNKNOWN = "–"
 
 
@@ -251,7 +252,7 @@ def _plots(incident: Incident, width: int, *, turns: bool) -> Iterator[Text]:
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """One value for each time of a plot; a value that is not finite is not drawn."""
+    """One value for each time of a plot; a value that is not finite or beyond `MAX_DRAWN` is not drawn."""
 
     name: str
     glyph: str
@@ -270,7 +271,7 @@ def plot(title: str, times_s: Sequence[float], series: Sequence[Series], *, widt
         height: lines of the plot without title and time axis.
     """
     columns = max(PLOT_MIN_COLUMNS, width - PLOT_LABEL)
-    drawn = [value for one in series for value in one.values if isfinite(value)]
+    drawn = [value for one in series for value in one.values if abs(value) <= MAX_DRAWN]
     low, high = min([0.0, *drawn]), max([0.0, *drawn])
     if high == low:
         high = low + 1.0
@@ -285,7 +286,7 @@ def plot(title: str, times_s: Sequence[float], series: Sequence[Series], *, widt
     for one in series:
         for column in range(columns):
             value = one.values[_at(times_s, first_s + column * span_s / (columns - 1))]
-            if isfinite(value):
+            if abs(value) <= MAX_DRAWN:  # false for NaN
                 cells[round((high - value) / (high - low) * (height - 1))][column] = (one.glyph, one.style)
     text = Text(f"{title}: ", no_wrap=True, overflow="crop")
     for one in series:

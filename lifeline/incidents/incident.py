@@ -8,7 +8,8 @@ The names of the topics are those of the wire. The file holds what the law read,
 """
 
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from heapq import heappop, heappush
 from pathlib import Path
@@ -43,6 +44,25 @@ class IncidentError(DeployError):
     """A black box cannot be read, or only a part of it; the message says why."""
 
 
+@contextmanager
+def damage_of(path: Path) -> Generator[None]:
+    """Report every error of a computation over a black box as damage of the file.
+
+    Values can fit their types and still not each other: the law never meets such values, and may raise any exception.
+
+    Raises:
+        IncidentError: the black box cannot be read, or the computation fails.
+    """
+    try:
+        yield
+    except DeployError:
+        raise
+    except BlackBoxError as error:
+        raise IncidentError(str(error)) from error
+    except Exception as error:
+        raise IncidentError(f"{path} is damaged: {type(error).__name__}: {error}") from error
+
+
 class _Heard(NamedTuple):
     """A message, with its time by the supervisor's monotonic clock."""
 
@@ -63,7 +83,7 @@ def messages(path: Path, namespace: str = "robot") -> Iterator[Recorded]:
     Raises:
         IncidentError: the file cannot be read, or ends early; everything before was yielded.
     """
-    try:
+    with damage_of(path):
         reader = BlackBoxReader(path)
         last_ns = 0
         converter = _Converter(reader)
@@ -76,8 +96,6 @@ def messages(path: Path, namespace: str = "robot") -> Iterator[Recorded]:
                 heard.sequence,
                 _encoded(heard.message),
             )
-    except BlackBoxError as error:
-        raise IncidentError(str(error)) from error
 
 
 def _in_order(steps: Iterable[Step], converter: "_Converter") -> Iterator[_Heard]:

@@ -11,15 +11,16 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from deploy.stack.errors import DeployError
 from deploy.stack.formatting import COLOURS, number
 from deploy.stack.table import Column, Table
 from lifeline.command import print_json
+from lifeline.incidents.incident import damage_of
 from supervisor.blackbox.file import DECISION, INPUTS, STATE, dumps
-from supervisor.blackbox.reader import BlackBoxError, Document, read, stops_of
+from supervisor.blackbox.reader import BlackBoxError, Document, left_out_of, read, stops_of, time_of
 from supervisor.law.model import STANDSTILL, Decision, Inputs, State, Velocity
 from supervisor.law.safety import step
 from wire.standstill import is_still
+from wire.text import printable, printable_lines
 
 EXIT_DIFFERENT = 1
 MIN_WIDTH = 130
@@ -68,11 +69,9 @@ def replay_decision(path: Path, *, as_json: bool = False) -> int:
     Raises:
         DeployError: the black box cannot be replayed.
     """
-    try:
+    with damage_of(path):
         document = read(path)
         found = replay(document)
-    except BlackBoxError as error:
-        raise DeployError(str(error)) from error
     if as_json:
         print_json(to_json(document, found))
     else:
@@ -80,13 +79,15 @@ def replay_decision(path: Path, *, as_json: bool = False) -> int:
     return 0 if found.difference is None else EXIT_DIFFERENT
 
 
+@np.errstate(all="ignore")  # hostile numbers would print warnings
 def replay(document: Document) -> Replay:
     """Run the law over the recorded inputs, from the first recorded state to the end or the first difference.
 
     Raises:
         BlackBoxError: a line does not match the types of this law.
     """
-    stop_s = stops_of(document.header)[0].now_s
+    stop = stops_of(document.header)[0]
+    stop_s = stop.now_s
     found = Replay(stop_s)
     state: State | None = None
     started_s = time.perf_counter()
@@ -99,7 +100,7 @@ def replay(document: Document) -> Replay:
                 where, now_s = "state", found.phases[-1].last_s if found.phases else stop_s
                 recorded = line["state"]
             else:
-                now_s, inputs = float(line["now_s"]), INPUTS.read(line["inputs"])
+                now_s, inputs = time_of(line, stop), INPUTS.read(line["inputs"])
                 if state is None:
                     raise ValueError("no state precedes it")  # noqa: TRY301 - reported below with its line number
                 state, decision = step(state, now_s, inputs)
@@ -200,10 +201,9 @@ def _print(document: Document, found: Replay) -> None:
     console = Console()
     if not console.is_terminal:
         console = Console(width=MIN_WIDTH)
-    header = document.header
-    for stop in header["stops"]:
-        console.print(f"{stop['utc']}  {', '.join(stop['reasons'])}", style="bold", highlight=False)
-    left_out = header.get("left_out_for_memory", 0) + header.get("left_out_for_file_size", 0)
+    for stop in stops_of(document.header):
+        console.print(Text(printable(f"{stop.utc}+00:00  {', '.join(stop.reasons)}"), style="bold"))
+    left_out = left_out_of(document.header)
     if left_out:
         console.print(
             f"{left_out:,} older steps of the window were left out for lack of space", highlight=False
@@ -230,11 +230,11 @@ def _timeline(phases: Sequence[Phase], stop_s: float) -> Table:
             f"{phase.first_s - stop_s + 0.0:+.3f}",
             f"{end_s - phase.first_s:.3f}",
             Text(first.mode.name, style=COLOURS[first.mode.name]),
-            first.owner,
+            Text(printable(first.owner)),
             _span(_twist(first.commanded), _twist(last.commanded)),
             _span(_twist(first.output), _twist(last.output)),
             _span(f"{first.nearest_m:.2f}", f"{last.nearest_m:.2f}"),
-            f"{reasons}{reset}".strip(),
+            Text(printable(f"{reasons}{reset}".strip())),
         )
     return table
 
@@ -261,7 +261,7 @@ def _verdict(document: Document, found: Replay) -> Text:
     ]
     here = {"python": platform.python_version(), "numpy": np.__version__, "machine": platform.machine()}
     other = [
-        f"{key} {document.header.get(key)}, here {here[key]}"
+        f"{key} {_short(str(document.header.get(key)))}, here {here[key]}"
         for key in here
         if document.header.get(key) != here[key]
     ]
@@ -269,7 +269,7 @@ def _verdict(document: Document, found: Replay) -> Text:
         lines.append(
             f"  the environment of the recording differs, which may be the cause: {'; '.join(other)}"
         )
-    return Text("\n".join(lines), style="bold red")
+    return Text(printable_lines("\n".join(lines)), style="bold red")
 
 
 def _short(value: str, limit: int = 200) -> str:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from deploy.stack.formatting import number
 from lifeline.incidents.braking import Braking, Motion, braking
-from lifeline.incidents.incident import IncidentError, id_of
+from lifeline.incidents.incident import IncidentError, damage_of, id_of
 from supervisor.blackbox.reader import BlackBoxError, BlackBoxReader, Step, Stop
 from supervisor.law.model import Decision
 from supervisor.law.reckoning import Odometer, Pose, Velocity, reckon, where
@@ -131,27 +131,25 @@ def read_incident(path: Path, before_s: float = BEFORE_S) -> Incident:
     Raises:
         IncidentError: not even the header can be read, or the file has more steps than fit into memory.
     """
-    try:
+    with damage_of(path):
         reader = BlackBoxReader(path)
         law = reader.law
-    except BlackBoxError as error:
-        raise IncidentError(str(error)) from error
-    stop_s = reader.stops[0].now_s
-    samples: list[Sample] = []
-    motion = _Motion(stop_s, law.believable)
-    problem = ""
-    try:
-        for step in reader.steps(stop_s - max(before_s, BEFORE_S)):
-            if len(samples) == MAX_STEPS:
-                raise IncidentError(f"{path} has more than {MAX_STEPS:,} steps: choose a shorter time")
-            motion.follow(step)
-            samples.append(sample_of(step.now_s - stop_s, step.decision, motion.velocity))
-    except BlackBoxError as error:
-        problem = str(error)
-    shown = tuple(sample for sample in samples if sample.time_s >= -before_s)
-    return Incident(
-        path, reader.stops, shown, law.stop_distance_m, motion.braking(), reader.left_out, problem
-    )
+        stop_s = reader.stops[0].now_s
+        samples: list[Sample] = []
+        motion = _Motion(stop_s, law.believable)
+        problem = ""
+        try:
+            for step in reader.steps(stop_s - max(before_s, BEFORE_S)):
+                if len(samples) == MAX_STEPS:
+                    raise IncidentError(f"{path} has more than {MAX_STEPS:,} steps: choose a shorter time")
+                motion.follow(step)
+                samples.append(sample_of(step.now_s - stop_s, step.decision, motion.velocity))
+        except BlackBoxError as error:
+            problem = str(error)
+        shown = tuple(sample for sample in samples if sample.time_s >= -before_s)
+        return Incident(
+            path, reader.stops, shown, law.stop_distance_m, motion.braking(), reader.left_out, problem
+        )
 
 
 class _Motion:

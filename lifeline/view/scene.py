@@ -290,10 +290,8 @@ def read_source(path: Path, config: SupervisorSection, namespace: str) -> tuple[
     """
     if not path.name.endswith(SUFFIX):
         return scene_of(config, namespace), RecordingReader(path).messages()
-    try:
+    with incident.damage_of(path):
         reader = BlackBoxReader(path)
         topics = [lidar_scan(topic) for topic in reader.lidar_topics]
         scene = Scene(reader.law, topics, namespace)
-    except (BlackBoxError, ValueError) as error:
-        raise IncidentError(str(error)) from error
     return scene, incident.messages(path, namespace)

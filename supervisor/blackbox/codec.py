@@ -22,7 +22,7 @@ import types
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
-from functools import cache
+from functools import cache, partial
 from operator import attrgetter
 from typing import Any, Literal, NamedTuple, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
@@ -34,12 +34,12 @@ Convert = Callable[[Any], Any]
 
 
 class Codec(NamedTuple):
-    """Functions that pack, spell and read one type. None of them is called with None."""
+    """Functions that pack, spell and read one type; `pack` and `spell` are not called with None."""
 
     pack: Convert
     spell: Convert
     read: Convert
-    """Raises ValueError if the JSON does not fit the type."""
+    """Raises ValueError if the JSON does not fit the type; a null fits only a hint with None."""
 
 
 def _same(value: object) -> object:
@@ -58,7 +58,8 @@ def codec(hint: Any) -> Codec:  # noqa: ANN401 - a hint may be any object
         return _class_codec(cast("type[Any]", hint))
     if origin in {Union, types.UnionType}:
         options = [option for option in arguments if option is not types.NoneType]
-        return codec(options[0]) if len(options) == 1 else _one_of(options)
+        one = codec(options[0]) if len(options) == 1 else _one_of(options)
+        return one if len(options) == len(arguments) else one._replace(read=partial(_maybe, one.read))
     if origin is tuple and arguments[-1] is not ...:
         return _row(arguments)
     if origin in {tuple, list, frozenset}:
@@ -66,7 +67,7 @@ def codec(hint: Any) -> Codec:  # noqa: ANN401 - a hint may be any object
     if origin is Literal:
         return codec(cast("type[Any]", type(arguments[0])))
     if origin is np.ndarray:
-        return Codec(_pack_array, _spell_array, _read_array)
+        return Codec(_pack_array, _spell_array, partial(_read_array, np.dtype(get_args(arguments[1])[0]).kind))
     raise TypeError(f"a black box cannot hold a {hint}")
 
 
@@ -123,7 +124,7 @@ def record_codec(cls: type[Any], *, without: Iterable[str] = ()) -> Codec:
         if unknown:
             raise ValueError(f"{cls.__name__} has no {min(unknown)}")
         try:
-            return cls(**{name: _maybe(codecs[name].read, value) for name, value in given.items()})
+            return cls(**{name: codecs[name].read(value) for name, value in given.items()})
         except TypeError as error:  # a field without a default is missing
             raise ValueError(f"{cls.__name__}: {error}") from error
 
@@ -172,7 +173,7 @@ def _list(build: Callable[[Iterable[Any]], Any], item: Codec) -> Codec:
         return [_maybe(item.spell, value) for value in values]
 
     def read(document: object) -> object:
-        return build(_maybe(item.read, value) for value in _read_list(document))
+        return build(map(item.read, _read_list(document)))
 
     return Codec(pack_set if build is frozenset else pack, spell, read)
 
@@ -189,7 +190,7 @@ def _row(hints: tuple[Any, ...]) -> Codec:
 
     def read(document: object) -> object:
         values = zip(codecs, _read_list(document), strict=True)
-        return tuple(_maybe(c.read, value) for c, value in values)
+        return tuple(c.read(value) for c, value in values)
 
     return Codec(pack, spell, read)
 
@@ -257,13 +258,15 @@ def _spell_array(packed: list[Any]) -> dict[str, Any]:
     return {"dtype": dtype, "shape": shape, "base64": _spell_bytes(memory)}
 
 
-def _read_array(value: object) -> np.ndarray:
+def _read_array(kind: str, value: object) -> np.ndarray:
     given = _read_object(value)
     try:
-        flat = np.frombuffer(_read_bytes(given["base64"]), dtype=np.dtype(given["dtype"]))
-        return flat.reshape(given["shape"])
-    except (KeyError, TypeError) as error:
-        raise ValueError(f"{error!r} in an array") from error
+        dtype = np.dtype(_read_str(given["dtype"]))
+        if dtype.kind != kind:
+            raise ValueError(f"an array of {dtype}")
+        return np.frombuffer(_read_bytes(given["base64"]), dtype=dtype).reshape(given["shape"])
+    except (KeyError, TypeError, OverflowError) as error:
+        raise ValueError(f"{error!r:.80} in an array") from error
 
 
 def _enum_reader(cls: type[Enum]) -> Callable[[object], Enum]:

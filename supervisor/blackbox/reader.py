@@ -1,11 +1,11 @@
 """Reads a black box line by line; `file.py` describes the file.
 
-The memory is bounded by the longest line, so that a damaged file cannot exhaust it. Times are seconds of the recording
+The memory is bounded by the longest line, so that a damaged file cannot exhaust it, and `wire/foreign.py` bounds the
+numbers and the depth of each line. Times are seconds of the recording
 supervisor's monotonic clock, unless a name says otherwise.
 """
 
 import gzip
-import json
 import math
 import re
 import zlib
@@ -19,6 +19,7 @@ import numpy as np
 from supervisor.blackbox.codec import codec
 from supervisor.blackbox.file import FORMAT, INPUTS, LAW, VERSION
 from supervisor.law.model import Decision, Inputs, LawConfig
+from wire.foreign import from_json
 from wire.topics import SCAN
 
 LINE_LIMIT = 64 << 20
@@ -28,7 +29,7 @@ FARTHEST_S = 86_400.0
 STEP_BEGINS = '{"now_s":'
 UTC = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}")
 
-_DECISION = codec(Decision)
+_DECISION, _SECONDS = codec(Decision), codec(float)
 
 
 class BlackBoxError(Exception):
@@ -79,7 +80,7 @@ class BlackBoxReader:
                 raise ValueError("a pipe")  # noqa: TRY301 - to open it waits for a writer
             with gzip.open(path, "rt", encoding="utf-8") as file:
                 header = _object(_line(file, 1))
-        except (OSError, EOFError, ValueError, RecursionError, zlib.error) as error:
+        except (OSError, EOFError, ValueError, zlib.error) as error:
             raise BlackBoxError(_no_black_box(path, error)) from error
         version = header.get("version")
         if header.get("format") != FORMAT or not isinstance(version, int):
@@ -100,7 +101,7 @@ class BlackBoxReader:
         """
         try:
             return cast("LawConfig", LAW.read(self.header["config"]))
-        except (KeyError, TypeError, ValueError, OverflowError) as error:
+        except (KeyError, ValueError) as error:
             raise BlackBoxError(
                 f"the configuration in {self.path} does not match this law: {error}"
             ) from error
@@ -117,8 +118,7 @@ class BlackBoxReader:
     @property
     def left_out(self) -> int:
         """Number of older steps of the window that were left out for lack of space."""
-        counts = (self.header.get(f"left_out_for_{reason}") for reason in ("memory", "file_size"))
-        return sum(count for count in counts if isinstance(count, int))
+        return left_out_of(self.header)
 
     def lines(self, from_s: float = -math.inf) -> Iterator[dict[str, Any]]:
         """Yield all states, and the steps from a time on.
@@ -143,7 +143,7 @@ class BlackBoxReader:
                         break
                     steps += "inputs" in line
                     yield line
-        except (OSError, EOFError, ValueError, RecursionError, zlib.error) as error:
+        except (OSError, EOFError, ValueError, zlib.error) as error:
             raise BlackBoxError(f"{self.path} is damaged after {number} lines: {error}") from error
         raise BlackBoxError(f"{self.path} is truncated: its end is missing")
 
@@ -159,12 +159,10 @@ class BlackBoxReader:
 
     def _step(self, line: dict[str, Any]) -> Step:
         try:
-            now_s = float(line["now_s"])
-            if not abs(now_s - self.stops[0].now_s) <= FARTHEST_S:
-                raise ValueError(f"{now_s:g} s is more than a day from the stop")  # noqa: TRY301 - reported below
+            now_s = time_of(line, self.stops[0])
             decision = _DECISION.read({**line["decision"], "sources": []})
             return Step(now_s, INPUTS.read(line["inputs"]), decision)
-        except (KeyError, TypeError, ValueError, OverflowError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise BlackBoxError(
                 f"a step of {self.path} does not match the types of this law: {error}"
             ) from error
@@ -188,9 +186,27 @@ def stops_of(header: dict[str, Any]) -> tuple[Stop, ...]:
     """
     try:
         first, *others = map(_stop, header["stops"])
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise BlackBoxError(f"the header of the black box names no stop: {error}") from error
     return (first, *others)
+
+
+def left_out_of(header: dict[str, Any]) -> int:
+    """Return the number of older steps of the window that were left out for lack of space."""
+    counts = (header.get(f"left_out_for_{reason}") for reason in ("memory", "file_size"))
+    return sum(count for count in counts if isinstance(count, int))
+
+
+def time_of(line: dict[str, Any], stop: Stop) -> float:
+    """Return the time of a step.
+
+    Raises:
+        KeyError, ValueError: it has none, or one that is far from the stop.
+    """
+    now_s = _SECONDS.read(line["now_s"])
+    if not abs(now_s - stop.now_s) <= FARTHEST_S:
+        raise ValueError(f"{now_s:g} s is more than a day from the stop")
+    return now_s
 
 
 def _stop(entry: dict[str, Any]) -> Stop:
@@ -198,7 +214,10 @@ def _stop(entry: dict[str, Any]) -> Stop:
     if UTC.fullmatch(utc) is None:
         raise ValueError(f"{utc!r:.40} is not a time")
     utc_ms = int(np.datetime64(utc, "ms").astype(np.int64))
-    return Stop(float(entry["now_s"]), utc_ms * 1_000_000, utc, tuple(map(str, entry["reasons"])))
+    now_s = _SECONDS.read(entry["now_s"])
+    if not math.isfinite(now_s):
+        raise ValueError(f"{now_s} s is not a time")
+    return Stop(now_s, utc_ms * 1_000_000, utc, tuple(map(str, entry["reasons"])))
 
 
 def _line(file: TextIO, number: int) -> str:
@@ -215,7 +234,7 @@ def _time_s(text: str) -> float:
 
 
 def _object(line: str) -> dict[str, Any]:
-    document: object = json.loads(line)
+    document: object = from_json(line)
     if not isinstance(document, dict):
         raise ValueError("a line is not a JSON object")  # noqa: TRY004 - a fault of the file
     return cast("dict[str, Any]", document)

@@ -8,7 +8,6 @@ with its path, its value and the allowed values. No magic value disables a check
 
 import math
 import re
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +27,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 from wire import tls, topics
 from wire.access import LOCAL_ROLES
 from wire.bus_config import DEFAULT_ENDPOINT, BusConfig
+from wire.foreign import ForeignError, from_toml, read_text
 from wire.roles import ANY, Role
 
 SECTIONS = ("bus", "supervisor", "teleop", "sim", "ros2")
@@ -288,12 +288,12 @@ def read_toml(path: Path | None) -> dict[str, Any]:
     if path is None:
         return {}
     try:
-        document = tomllib.loads(path.read_text("utf-8-sig"))  # some editors write a BOM
+        document = from_toml(read_text(path))
     except OSError as error:
         raise ConfigError(
             f"cannot read the configuration {path}: {error.strerror}; deploy/robot.toml is a complete example"
         ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ForeignError as error:
         raise ConfigError(f"{path} is not TOML: {error}") from error
     _locate_keys(document, path)
     unknown = [name for name in document if name not in SECTIONS]

@@ -177,7 +177,7 @@ def test_a_field_that_an_older_file_lacks_has_its_default() -> None:
         (
             np.ndarray[Any, np.dtype[np.float32]],
             {"dtype": "|O", "shape": [1], "base64": "AAAAAAAAAAA="},
-            "OBJECT",
+            "an array of object",
         ),
     ],
 )
