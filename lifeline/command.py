@@ -19,6 +19,7 @@ from typer.core import TyperArgument, TyperOption
 from deploy.stack.errors import EXIT_REFUSED, DeployError
 from wire.host.extras import how_to_install, missing_extra
 from wire.host.runnable import runnable
+from wire.text import printable, printable_lines
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -150,12 +151,12 @@ def robot_command(
 
 
 def say(sentence: str) -> None:
-    print(f"lifeline: {runnable(sentence)}", flush=True)
+    print(f"lifeline: {runnable(printable_lines(sentence))}", flush=True)
 
 
 def note(sentence: str) -> None:
     """Report progress on standard error; standard output is for the result."""
-    print(f"lifeline: {runnable(sentence)}", file=sys.stderr, flush=True)
+    print(f"lifeline: {runnable(printable_lines(sentence))}", file=sys.stderr, flush=True)
 
 
 def print_json(document: object) -> None:
@@ -201,12 +202,12 @@ class StatusLine:
         except OSError:
             columns = 80
         self._shown = line
-        print(f"\r\x1b[K{line[: columns - 1]}", end="", flush=True, file=self._stream)
+        print(f"\r\x1b[K{printable(line[: columns - 1])}", end="", flush=True, file=self._stream)
 
     def say(self, sentence: str) -> None:
         """Print a permanent line."""
         self.clear()
-        print(runnable(sentence), flush=True, file=self._stream)
+        print(runnable(printable_lines(sentence)), flush=True, file=self._stream)
 
     def clear(self) -> None:
         if self._shown:
@@ -219,9 +220,7 @@ def exit_with(run: Callable[[], int | None]) -> NoReturn:
     try:
         code = run() or 0
     except DeployError as error:
-        from wire.text import printable_lines  # noqa: PLC0415
-
-        note(printable_lines(str(error)))
+        note(str(error))
         code = error.exit_code
     except ModuleNotFoundError as error:
         extra = missing_extra(error)

@@ -17,7 +17,7 @@ import numpy as np
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.reach import reach, run_command
-from lifeline.command import StatusLine, note
+from lifeline.command import StatusLine, note, say
 from lifeline.recording import RecordingReader
 from teleop.holder import HeldError, about_this_process
 from teleop.path.course import Path, PathError, Pose, Poses, TrackError, placed, seen_from, to_path, to_poses
@@ -149,7 +149,7 @@ def drive(plan: Plan, launch: Launch, speed_m_s: float, *, as_json: bool = False
             print(json.dumps(to_json(done), indent=2))
         else:
             for line in report(done):
-                print(f"lifeline: {line}")
+                say(line)
         return EXIT_CODES[done.ending]
 
     run_command(run)

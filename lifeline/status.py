@@ -30,7 +30,7 @@ from wire import tls, topics
 from wire.host.runnable import runnable
 from wire.messages import Odometry, SafetyStatus, Twist
 from wire.reasons import words_of
-from wire.text import printable
+from wire.text import printable, printable_lines
 
 CONNECT_LIMIT_S = 1.0
 SECURE_CONNECT_LIMIT_S = 3.0
@@ -163,13 +163,16 @@ async def _look(state: StateDir, launch: Launch) -> Look:
 def table(look: Look) -> Table | Text:
     """Format the status as a table for the terminal."""
     if look.exit_code == EXIT_NOT_RUNNING:
-        return Text(runnable(_idle(look) if look.latched is None else f"{_idle(look)}\n{look.latched}"))
+        idle = _idle(look) if look.latched is None else f"{_idle(look)}\n{look.latched}"
+        return Text(runnable(printable_lines(idle)))
     table = facts(look.endpoint)
     for node in (*look.nodes, *sorted(look.alive.difference(look.nodes))):
         alive = look.runs(node)
         note = f" (process {look.programs[node]})" if node in look.programs else ""
         style = "green" if alive else "red" if node in look.needed else "dim"
-        table.add_row(node, Text(f"{'alive' if alive else 'not alive'}{note}", style=style))
+        table.add_row(
+            Text(printable(node)), Text(printable(f"{'alive' if alive else 'not alive'}{note}"), style=style)
+        )
     if look.status is None:
         table.add_row("mode", Text(f"unknown: no status within {LISTEN_LIMIT_S:g} s", style="bold red"))
     else:
@@ -189,7 +192,8 @@ def table(look: Look) -> Table | Text:
     for report in look.ros2:
         if report.name != ros2_reports.SUPERVISOR:
             table.add_row(
-                report.name, Text(runnable(report.message), style=ros2_reports.COLOURS[report.level])
+                report.name,
+                Text(runnable(printable(report.message)), style=ros2_reports.COLOURS[report.level]),
             )
     return table
 
@@ -207,7 +211,7 @@ def _estop(status: SafetyStatus) -> Iterator[tuple[str, Text]]:
     if ESTOP in status.causes_and_latched()[0]:
         yield "e-stop", Text("latched until reset, even after a restart: press r in teleop to reset it")
     if status.estop_record_problem:
-        yield "e-stop record", Text(status.estop_record_problem, style="bold red")
+        yield "e-stop record", Text(printable(status.estop_record_problem), style="bold red")
     for station in status.estop_stations:
         style = ("bold red" if station.required else "yellow") if station.is_missed else "green"
         need = "" if station.required else ", not required"

@@ -186,4 +186,4 @@ def _sentence(fault: dict[str, Any]) -> str:
     message = str(fault["msg"]).removeprefix("Value error, ")
     if fault["type"] == "value_error":
         return f"{path}: {message}"
-    return f"{path} = {fault['input']!r}: {message[0].lower()}{message[1:]}"
+    return f"{path} = {fault['input']!r:.200}: {message[0].lower()}{message[1:]}"

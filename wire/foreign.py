@@ -41,9 +41,7 @@ def from_json(text: str) -> Any:  # noqa: ANN401 - any JSON value
         ForeignError: it is not such a text, or is nested too deeply.
     """
     try:
-        document: object = json.loads(
-            text, parse_int=_integer, parse_float=_finite, parse_constant=_finite
-        )
+        document: object = json.loads(text, parse_int=_integer, parse_float=_finite, parse_constant=_finite)
         _check_depth(document, MAX_DEPTH)
     except RecursionError as error:
         raise ForeignError("it is nested too deeply") from error
@@ -86,6 +84,8 @@ def _check_depth(value: object, levels: int) -> None:
         return
     if levels == 0:
         raise ForeignError("it is nested too deeply")
-    items = cast("dict[str, object]", value).values() if isinstance(value, dict) else cast("list[object]", value)
+    items = (
+        cast("dict[str, object]", value).values() if isinstance(value, dict) else cast("list[object]", value)
+    )
     for item in items:
         _check_depth(item, levels - 1)

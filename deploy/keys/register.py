@@ -202,18 +202,25 @@ def from_json(document: Any) -> Register:  # noqa: ANN401 - any JSON value
     try:
         issued = tuple(
             Issued(
-                str(one["name"]),
+                _matching(NAME, one["name"]),
                 Role(one["role"]),
-                str(one["robot"]),
+                ANY if one["robot"] == ANY else _matching(config.NAME, one["robot"]),
                 tuple(str(host) for host in one["hosts"]),
                 str(one["serial"]),
                 _time_s(one["ends_s"]),
             )
             for one in document["issued"]
         )
-        return Register(issued, {str(name): _time_s(time_s) for name, time_s in document["revoked"].items()})
+        revoked = document["revoked"].items()
+        return Register(issued, {_matching(NAME, name): _time_s(time_s) for name, time_s in revoked})
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError("not a register") from error
+
+
+def _matching(pattern: re.Pattern[str], name: str) -> str:
+    if pattern.fullmatch(name) is None:
+        raise ValueError(f"{name!r:.80} is not a name")
+    return name
 
 
 def _time_s(value: Any) -> float:  # noqa: ANN401 - any JSON value

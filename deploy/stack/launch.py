@@ -8,7 +8,9 @@ import sys
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, ConfigDict, Field, ValidationError
 
 from deploy.stack.errors import DeployError
 from deploy.stack.processes import MARK
@@ -17,7 +19,18 @@ from supervisor.estop_record import is_recorded, pressed_by
 from wire import topics
 from wire.bus_config import BusConfig
 from wire.host.command_line import bus_options, override
-from wire.host.config import BusSection, ConfigError, S, absolute, read_toml, section
+from wire.host.config import (
+    Between,
+    BusSection,
+    ConfigError,
+    Endpoint,
+    Name,
+    S,
+    Section,
+    absolute,
+    read_toml,
+    section,
+)
 from wire.host.state_directory import ENVIRONMENT
 from wire.zenoh.local_socket import participants
 
@@ -26,8 +39,29 @@ SIMULATED = (topics.SUPERVISOR, topics.SIM)
 """The nodes of a simulated robot."""
 ANY_BASE = "base"
 """Stands for the base where nothing says which node it is: an endpoint was given without a configuration."""
+MAX_PATH = 4096
+"""Bytes, as the kernel permits."""
 UNUSED = "false"
 """The command of a program that is not started."""
+
+
+def _is_a_path(path: str) -> str:
+    if len(os.fsencode(path)) > MAX_PATH:
+        raise ValueError("is too long")
+    return path
+
+
+class _Record(Section):
+    """The launch record of a state directory."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    endpoint: Endpoint
+    namespace: Name
+    lease_s: Annotated[float, Between(0.001, 3600.0)]
+    keys: str | None = None
+    config: Annotated[str, AfterValidator(_is_a_path)]
+    nodes: list[Name] = Field(default_factory=lambda: list(SIMULATED))
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,18 +137,13 @@ class Launch:
     @classmethod
     def running(cls, state: StateDir) -> "Launch | None":
         """Return the launch of the running stack of a state directory; None if there is no record."""
-        record = read_json(state.record)
         try:
-            keys = record.get("keys")
-            bus = BusConfig(
-                record["endpoint"],
-                record["namespace"],
-                record["lease_s"],
-                None if keys is None else Path(keys),
-            )
-            return cls(Path(record["config"]), bus, nodes=tuple(record.get("nodes", SIMULATED)))
-        except (KeyError, TypeError):
+            record = _Record.model_validate(read_json(state.record))
+        except ValidationError:
             return None
+        keys = None if record.keys is None else Path(record.keys)
+        bus = BusConfig(record.endpoint, record.namespace, record.lease_s, keys)
+        return cls(Path(record.config), bus, nodes=tuple(record.nodes))
 
     def is_started(self, state: StateDir) -> bool:
         """Return whether the running stack of a state directory is of this robot; it may be only its base."""

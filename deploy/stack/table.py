@@ -16,6 +16,8 @@ from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions
 from rich.text import Text
 
+from wire.text import printable, printable_lines
+
 GAP = 2
 """Spaces between two columns."""
 INDENT = 2
@@ -36,7 +38,7 @@ class Column(NamedTuple):
 
 
 class Table:
-    """A table for a Rich console."""
+    """A table for a Rich console. A cell that is a string may have a foreign name: it is made printable."""
 
     def __init__(self, *columns: Column | str, title: str = "") -> None:
         self._columns = [Column(one) if isinstance(one, str) else one for one in columns]
@@ -46,7 +48,7 @@ class Table:
     def add_row(self, *cells: Text | str, style: str = "") -> None:
         self._rows.append(
             [
-                Text(cell, style or column.style) if isinstance(cell, str) else cell
+                Text(printable_lines(cell), style or column.style) if isinstance(cell, str) else cell
                 for column, cell in zip(self._columns, cells, strict=True)
             ]
         )
@@ -56,7 +58,7 @@ class Table:
         rows = [heading, *self._rows]
         lines = _lines(self._columns, rows, options.max_width)
         if self._title:
-            yield Text(self._title, "bold")
+            yield Text(printable(self._title), "bold")
         for row in rows:
             for number, widths in enumerate(lines):
                 yield from self._line(console, row, widths, INDENT if number else 0)

@@ -15,9 +15,11 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.table import Table
+from rich.text import Text
 
 from faults.report.figures import ClassFigures, class_of, figures_of, replay
 from faults.trial import Trial
+from wire.text import printable
 
 MIN_WIDTH = 160
 """Columns of the table if the output is not a terminal."""
@@ -91,18 +93,18 @@ def print_results(trials: Sequence[Trial], console: Console | None = None, *, as
         is_text = title == "detected by"  # wraps if the console is narrow; numbers never do
         table.add_column(title, justify="left" if is_text else "right", no_wrap=not is_text)
     for one in figures_of(trials):
-        table.add_row(one.name, *_cells(one))
+        table.add_row(Text(printable(one.name)), *_cells(one))
     console.print(table)
     for line in broken_sentences(trials)[: 2 * BROKEN_SHOWN]:
-        console.print(line, style="red", markup=False, highlight=False, soft_wrap=True)
+        console.print(printable(line), style="red", markup=False, highlight=False, soft_wrap=True)
 
 
-def _cells(one: ClassFigures) -> Iterator[str]:
+def _cells(one: ClassFigures) -> Iterator[str | Text]:
     """Yield the cells of `COLUMNS`; empty if nothing was measured."""
     stop, standstill, distance = one.stop, one.standstill, one.distance
     yield str(one.trials)
     yield str(len(one.stops))
-    yield ", ".join(f"{name} {count}" for name, count in one.detectors[:3])
+    yield Text(printable(", ".join(f"{name} {count}" for name, count in one.detectors[:3])))
     yield one.bound_ms and f"{one.bound_ms} ms"
     for time_s in (None,) * 3 if stop is None else (stop.median, stop.limit, stop.worst):
         yield "" if time_s is None else f"{1000 * time_s:.1f} ms"
@@ -180,7 +182,7 @@ def story(trial: Trial) -> Iterator[str]:
             events.append((sample.time_s, f"{', '.join(reasons) or 'no stop'}; {moving}"))
     events += [(v.time_s, f"BROKEN {v.promise}: {v.sentence}") for v in trial.violations]
     for time_s, sentence in sorted(events):
-        yield f"{time_s:8.3f} s  {sentence}"
+        yield f"{time_s:8.3f} s  {printable(sentence)}"
     yield (
         f"smallest clearance {100 * trial.smallest_clearance_m:.1f} cm, contacts {trial.contacts}, "
         f"broken promises {len(trial.violations)}"

@@ -29,7 +29,7 @@ from supervisor.estop_record import is_recorded, pressed_by
 from wire import topics
 from wire.host.config import ConfigError, read_toml
 from wire.host.runnable import runnable
-from wire.text import printable
+from wire.text import printable, printable_lines
 
 PACKAGES = ("eclipse-zenoh", "numpy", "pydantic", "rich", "rosbags", "typer")
 KEY_REPLY_S = 0.3
@@ -173,10 +173,15 @@ def _reports_releases(descriptor: int) -> bool | None:
 def _table(findings: list[Finding]) -> Table:
     table = Table("", Column(style="dim"), "")
     for finding in findings:
-        text = Text(finding.what)
+        text = Text(printable_lines(finding.what))
         if finding.remedy:
-            text.append(f"\n→ {finding.remedy}", style="bold" if finding.verdict is Verdict.PROBLEM else "")
-        table.add_row(Text(MARKS[finding.verdict], style=COLOURS[finding.verdict]), finding.check, text)
+            text.append(
+                f"\n→ {printable_lines(finding.remedy)}",
+                style="bold" if finding.verdict is Verdict.PROBLEM else "",
+            )
+        table.add_row(
+            Text(MARKS[finding.verdict], style=COLOURS[finding.verdict]), Text(printable(finding.check)), text
+        )
     return table
 
 

@@ -135,7 +135,7 @@ def _topic_facts(entry: Entry, writing: Sequence[Node], reading: Sequence[Node],
     if not entry.writers:
         table.add_row("writer", "none")
     if entry.problem:
-        table.add_row("problem", Text(entry.problem, style="bold red"))
+        table.add_row("problem", Text(printable(entry.problem), style="bold red"))
     return table
 
 
@@ -173,7 +173,7 @@ def _node_table(nodes: Iterable[Node]) -> Table:
         table.add_row(
             Text(printable(node.name), style="" if node.is_named else "dim"),
             "" if node.pid is None else str(node.pid),
-            node.host,
+            Text(printable(node.host)),
             "" if node.process is None else _uptime(node.process.uptime_s),
             *(str(len(keys)) for keys in (session.writes, session.reads, session.serves)),
         )

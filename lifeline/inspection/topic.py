@@ -26,6 +26,7 @@ from teleop.holder import HeldError, Holder, about_this_process
 from wire import topics
 from wire.bus import Overheard, wait_until
 from wire.messages import Message, UndecodableError, decode, zero_twist
+from wire.text import printable
 from wire.topics import ANYONE, Topic
 
 REPORT_PERIOD_S = 1.0
@@ -116,9 +117,12 @@ def _print_value(key: str, value: object, wanted: Echo, with_header: set[str], *
         if key not in with_header:
             with_header.add(key)
             print(csv_line([*(["key"] if several else []), *(name or wanted.field for name, _ in rows)]))
-        print(csv_line([*([key] if several else []), *(one for _, one in rows)]), flush=True)
+        print(csv_line([*([printable(key)] if several else []), *(one for _, one in rows)]), flush=True)
     else:
-        print(f"{f'# {key}' if several else ''}{chr(10) if several else ''}{to_yaml(value)}---", flush=True)
+        print(
+            f"{f'# {printable(key)}' if several else ''}{chr(10) if several else ''}{to_yaml(value)}---",
+            flush=True,
+        )
 
 
 Report = Callable[[KeyTraffic], tuple[str, dict[str, float | int | None]]]

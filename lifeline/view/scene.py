@@ -15,7 +15,6 @@ import numpy as np
 
 from deploy.stack.formatting import mode_name, nearest, speed
 from lifeline.incidents import incident
-from lifeline.incidents.incident import IncidentError
 from lifeline.recording import Recorded, RecordingReader
 from lifeline.view.shapes import (
     Area,
@@ -34,7 +33,7 @@ from lifeline.view.shapes import (
     outline,
 )
 from supervisor.blackbox.file import SUFFIX
-from supervisor.blackbox.reader import BlackBoxError, BlackBoxReader
+from supervisor.blackbox.reader import BlackBoxReader
 from supervisor.config import SupervisorSection
 from supervisor.law.model import LawConfig
 from supervisor.law.reckoning import Pose
@@ -112,6 +111,7 @@ class Scene:
         yield Line(f"{BASE}/outline", outline(hull), INK, 0.008, 0.09)
         yield Line(f"{BASE}/heading", _heading(hull.radius_m), INK, 0.012, 0.09)
 
+    @np.errstate(all="ignore")  # hostile numbers would print warnings
     def draw(self, name: str, time_s: float, payload: bytes) -> list[Primitive]:
         """Return what a message draws; nothing for other topics and for undecodable messages.
 

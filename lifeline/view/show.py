@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch, free_port
 from deploy.stack.reach import reach, run_command
+from lifeline.incidents.incident import damage_of
 from lifeline.recording import Recorded
 from lifeline.view import window
 from lifeline.view.rerun_log import RerunLog
@@ -65,6 +66,8 @@ def view(wanted: Wanted, launch: Launch) -> NoReturn:
         if stop.is_set():
             return 0
         with ExitStack() as at_end:
+            if wanted.file is not None:
+                at_end.enter_context(damage_of(wanted.file))
             return await Shown(stop, wanted, name, scene, at_end).run(bus, recorded)
 
     run_command(main)

@@ -113,7 +113,7 @@ def to_json(row: Row, unix_time_s: float) -> str:
 
 def cells(row: Row) -> tuple[str, ...]:
     """Return the text of each of `COLUMNS`, without control characters."""
-    robot = f"{row.namespace}@{row.endpoint}"
+    robot = printable(f"{row.namespace}@{row.endpoint}")
     velocity = speed(row.twist) if row.twist else NOTHING
     if row.status is None:
         return robot, NOTHING, NOTHING, velocity, NOTHING, row.link, NOTHING
@@ -144,7 +144,7 @@ def table(rows: Sequence[Row], shared_endpoint: str | None = None) -> Table:
     for row in rows:
         texts = {column.name: Text(text) for column, text in zip(COLUMNS, cells(row), strict=True)}
         if shared_endpoint is not None:
-            texts["robot"] = Text(row.namespace)
+            texts["robot"] = Text(printable(row.namespace))
         if row.status is None:
             texts["link"].stylize("bold red")
         elif row.mode is not None:

@@ -67,7 +67,9 @@ def codec(hint: Any) -> Codec:  # noqa: ANN401 - a hint may be any object
     if origin is Literal:
         return codec(cast("type[Any]", type(arguments[0])))
     if origin is np.ndarray:
-        return Codec(_pack_array, _spell_array, partial(_read_array, np.dtype(get_args(arguments[1])[0]).kind))
+        return Codec(
+            _pack_array, _spell_array, partial(_read_array, np.dtype(get_args(arguments[1])[0]).kind)
+        )
     raise TypeError(f"a black box cannot hold a {hint}")
 
 

@@ -21,12 +21,14 @@ from deploy.keys.folder import Folder
 from deploy.keys.register import Issued, Register, rows, to_json
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
-from deploy.stack.robot_file import read_robot
 from deploy.stack.statedir import LockedError, StateDir
+from faults.report.page import write_report
+from faults.report.table import print_results
 from faults.trial import BrokenPromise, Injected, Provenance, Sample, Trial
-from faults.trial_file import read_records
+from faults.trial_file import read_trials
 from lifeline.check.check import check
 from lifeline.incidents.commands import export, show, show_list
+from lifeline.incidents.incident import damage_of
 from lifeline.incidents.replay import replay_decision
 from lifeline.path import read_poses
 from lifeline.recording import RecordingReader
@@ -38,7 +40,7 @@ from supervisor.estop_record import pressed_by
 from supervisor.law.model import Inputs, Odometry, Velocity
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, WriterAtOnce
 from tests.unit.supervisor.law.law_harness import CONFIG, FORWARD, TICK_S
-from wire.host.config import BusSection, ConfigError, read_toml
+from wire.host.config import BusSection, ConfigError
 from wire.roles import Role
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -81,6 +83,7 @@ HOSTILE = (
     '"' + "x" * 70_000 + '"',
 )
 """JSON values; those that TOML does not have are damage there."""
+LONGEST_SENTENCE = 4000
 REFUSALS = (DeployError, ConfigError, LayoutError)
 ESCAPE = re.compile(r"[^\n\t -~\u00a0-\ud7ff\ue000-\U0010ffff]")
 """A character that a terminal obeys, or that cannot be written."""
@@ -112,12 +115,6 @@ def incident_commands(path: Path) -> None:
     out = path.with_name("out.mcap")
     out.unlink(missing_ok=True)
 
-    def view(path: Path) -> None:
-        drawn, messages = read_source(path, SupervisorSection(), "robot")
-        list(drawn.fixed())
-        for message in messages:
-            drawn.draw(message.topic, message.log_time_ns * 1e-9, message.payload)
-
     def replay(path: Path) -> None:
         replay_decision(path)
         replay_decision(path, as_json=True)
@@ -127,13 +124,22 @@ def incident_commands(path: Path) -> None:
         lambda path: show(path, 30.0, as_json=True),
         lambda path: export(path, out, "robot", as_json=False),
         replay,
-        view,
+        draw,
     )
     for command in commands:
         try:
             command(path)
         except DeployError as error:
             sentence(error)
+
+
+def draw(path: Path) -> None:
+    """Draw a file as `lifeline view` does, without its window."""
+    with damage_of(path):
+        drawn, messages = read_source(path, SupervisorSection(), "robot")
+        list(drawn.fixed())
+        for message in messages:
+            drawn.draw(message.topic, message.log_time_ns * 1e-9, message.payload)
 
 
 def state_files(path: Path) -> None:
@@ -148,14 +154,11 @@ def state_files(path: Path) -> None:
     sentence(LockedError(state))
     (path.parent / "estop-robot.latched").write_bytes(path.read_bytes())
     print(pressed_by(path.parent, "robot"))
-    print(state.last_lines("stack.json".removesuffix(".log")))
 
 
 def recording(path: Path) -> None:
     list(RecordingReader(path).messages())
-    drawn, messages = read_source(path, SupervisorSection(), "robot")
-    for message in messages:
-        drawn.draw(message.topic, message.log_time_ns * 1e-9, message.payload)
+    draw(path)
     read_poses(path)
 
 
@@ -168,14 +171,16 @@ def register(path: Path) -> None:
 
 
 def campaign(path: Path) -> None:
-    list(read_records(path))
+    write_report([path], path.with_suffix(".html"))
+    print_results(list(read_trials(path)))
+    print_results(list(read_trials(path)), as_json=True)
 
 
 def sentence(error: Exception) -> None:
     """Check that an error is a sentence."""
     text = str(error)
     assert text, f"{error!r} says nothing"
-    assert len(text) < 20_000, f"an error of {len(text)} characters: {text[:200]}"
+    assert len(text) <= LONGEST_SENTENCE, f"an error of {len(text)} characters: {text[:200]}"
 
 
 def damaged(random: Random, seed: bytes) -> bytes:
@@ -221,7 +226,11 @@ def _value_damaged(random: Random, line: bytes) -> bytes:
         document = json.loads(line)
     except (ValueError, RecursionError):
         key, equals, _ = line.partition(b"=")
-        return key + equals + b" " + random.choice(HOSTILE).encode() if equals else random.choice(HOSTILE).encode()
+        return (
+            key + equals + b" " + random.choice(HOSTILE).encode()
+            if equals
+            else random.choice(HOSTILE).encode()
+        )
     places = list(_places(document))
     if not places:
         return random.choice(HOSTILE).encode()
@@ -239,10 +248,10 @@ def _value_damaged(random: Random, line: bytes) -> bytes:
 
 def _places(value: Any) -> Iterator[tuple[Any, Any]]:  # noqa: ANN401 - any JSON
     """Yield the container and the key of every value."""
-    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for key, one in list(cast("Any", items)):
+    keys: Any = value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()
+    for key in list(keys):
         yield value, key
-        yield from _places(one)
+        yield from _places(value[key])
 
 
 def feed(reader: FileReader, directory: Path, content: bytes) -> str:
@@ -255,11 +264,16 @@ def feed(reader: FileReader, directory: Path, content: bytes) -> str:
             warnings.simplefilter("error")
             reader.read(path)
     except REFUSALS as error:
-        sentence(error)
+        if len(str(error)) > LONGEST_SENTENCE:
+            return f"an error of {len(str(error))} characters: {error}"[:300]
     except (Exception, SystemExit) as error:  # noqa: BLE001 - that there is none is what is tested
         return f"{type(error).__name__}: {error}"[:300] + _where(error)
     found = ESCAPE.search(said.getvalue())
-    return "" if found is None else f"the terminal is sent {said.getvalue()[max(0, found.start() - 60) : found.end() + 20]!r}"
+    return (
+        ""
+        if found is None
+        else f"the terminal is sent {said.getvalue()[max(0, found.start() - 60) : found.end() + 20]!r}"
+    )
 
 
 def _where(error: BaseException) -> str:
@@ -305,13 +319,17 @@ def _black_box(directory: Path) -> Path:
 
 
 def _campaign() -> bytes:
-    fault = Injected(fault="kill_source", time_s=1.0, parameters={"for_s": 1.0}, detector="SOURCE_LOST", to_zero_s=0.1)
+    fault = Injected(
+        fault="kill_source", time_s=1.0, parameters={"for_s": 1.0}, detector="SOURCE_LOST", to_zero_s=0.1
+    )
     moment = Sample(time_s=1.0, commanded=(0.5, 0.0), permitted=(0.5, 0.0), true=(0.5, 0.0), clearance_m=1.0)
     trial = Trial(
         mode="virtual", revision="r", seed=1, duration_s=10.0, faults=(fault,), smallest_clearance_m=0.5, contacts=0,
         violations=(BrokenPromise(1, 1.0, "it moved"),), timeline=(moment,),
     )  # fmt: skip
-    return "".join(f"{one.line()}\n" for one in (trial, trial, Provenance(command="lifeline faults"))).encode()
+    return "".join(
+        f"{one.line()}\n" for one in (trial, trial, Provenance(command="lifeline faults"))
+    ).encode()
 
 
 def fuzz_files(seed: int, count: int, directory: Path, only: str = "") -> list[FileFinding]:

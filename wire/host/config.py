@@ -27,7 +27,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 from wire import tls, topics
 from wire.access import LOCAL_ROLES
 from wire.bus_config import DEFAULT_ENDPOINT, BusConfig
-from wire.foreign import ForeignError, from_toml, read_text
+from wire.foreign import from_toml, read_text
 from wire.roles import ANY, Role
 
 SECTIONS = ("bus", "supervisor", "teleop", "sim", "ros2")
@@ -293,13 +293,13 @@ def read_toml(path: Path | None) -> dict[str, Any]:
         raise ConfigError(
             f"cannot read the configuration {path}: {error.strerror}; deploy/robot.toml is a complete example"
         ) from error
-    except ForeignError as error:
+    except ValueError as error:  # also of a path that no system accepts
         raise ConfigError(f"{path} is not TOML: {error}") from error
     _locate_keys(document, path)
     unknown = [name for name in document if name not in SECTIONS]
     if unknown:
         raise ConfigError(
-            f"{path}: unknown section {', '.join(f'[{n}]' for n in unknown)}; "
+            f"{path}: unknown section {', '.join(f'[{n:.40}]' for n in unknown[:8])}; "
             f"there are {', '.join(f'[{n}]' for n in SECTIONS)}"
         )
     return document
@@ -386,4 +386,4 @@ def _sentence(name: str, fault: dict[str, Any]) -> str:
 
 
 def _line(path: str, value: object, message: str) -> str:
-    return f"{path}: {message}" if value is None else f"{path} = {value!r}: {message}"
+    return f"{path}: {message}" if value is None else f"{path} = {value!r:.200}: {message}"
