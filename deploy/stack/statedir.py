@@ -132,7 +132,7 @@ class LockedError(DeployError):
         record = read_json(state.lock)
         pid: object = record.get("pid")
         # Other numbers stand for several processes, or for none.
-        self.pid = pid if isinstance(pid, int) and 1 < pid <= MAX_PID else None
+        self.pid = pid if type(pid) is int and 0 < pid <= MAX_PID else None
         self.command: object = record.get("command")
         who = f"`lifeline {self.command}` (pid {self.pid})" if self.pid else "another `lifeline`"
         super().__init__(

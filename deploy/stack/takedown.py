@@ -119,7 +119,7 @@ def _end_the_command_at_work(state: StateDir) -> bool:
         except LockedError as error:
             if time.monotonic() > deadline_s:
                 raise
-            if not asked and isinstance(error.pid, int) and error.command != "down":
+            if not asked and error.pid is not None and error.command != "down":
                 asked = True
                 with suppress(ProcessLookupError, PermissionError):
                     os.kill(error.pid, signal.SIGTERM)

@@ -4,8 +4,11 @@ import argparse
 import logging
 import re
 import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from tests.fuzz.decoding import Finding, Most
+from tests.fuzz.files import fuzz_files
 from tests.fuzz.run import Progress, Report, decode_one, drive, run, to_sim_of
 
 SHOWN_CHARACTERS = 4000
@@ -14,7 +17,8 @@ SHOWN_CHARACTERS = 4000
 def main() -> None:
     parser = argparse.ArgumentParser(
         prog="python -m tests.fuzz",
-        description="Feed payloads that a stranger may send to the decoders, the supervisor, the sim and the dashboard.",
+        description="Feed payloads that a stranger may send to the decoders, the supervisor, the sim and the dashboard, "
+        "or damaged files to the commands that read them.",
         epilog="exit code: 1 where something was raised, came out beyond its limits, or took too much",
     )
     parser.add_argument(
@@ -24,9 +28,12 @@ def main() -> None:
     parser.add_argument("--number", type=int, metavar="I", help="this one payload alone, to the decoders")
     parser.add_argument("--scene", type=int, metavar="K", help="this scene of the supervisor's alone")
     parser.add_argument("--sim", type=int, metavar="N", help="the sim's payloads alone, so many of them")
+    parser.add_argument("--files", type=int, metavar="N", help="damaged files alone, so many of each kind")
     arguments = parser.parse_args()
     logging.getLogger("wire").setLevel(logging.CRITICAL)
     logging.getLogger("sim").setLevel(logging.CRITICAL)
+    if arguments.files is not None:
+        sys.exit(_files(arguments.seed, arguments.files))
     if arguments.number is not None:
         decode_one(report := Report(arguments.seed), arguments.number)
     elif arguments.scene is not None:
@@ -37,6 +44,15 @@ def main() -> None:
         report = run(arguments.seed, arguments.payloads, _progress(arguments.payloads))
     _show(report)
     sys.exit(int(bool(report.all_findings)))
+
+
+def _files(seed: int, count: int) -> int:
+    with TemporaryDirectory() as directory:
+        findings = fuzz_files(seed, count, Path(directory))
+    for found in findings:
+        print(f"{found.reader}: {found.what}\n    {found.content[:SHOWN_CHARACTERS]!r}")
+    print(f"{count:,} damaged files of each kind (seed {seed}): {len(findings)} findings")
+    return int(bool(findings))
 
 
 def _progress(total: int) -> Progress:

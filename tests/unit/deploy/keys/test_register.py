@@ -156,3 +156,27 @@ NO_REGISTERS: list[object] = [
 def test_what_is_no_register_is_refused(document: object) -> None:
     with pytest.raises(ValueError, match="register"):
         from_json(document)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("name", "\x1b[31m"),
+        ("name", None),
+        ("robot", "[red]"),
+        ("ends_s", 1e18),
+        ("ends_s", -1.0),
+        ("ends_s", None),
+    ],
+)
+def test_a_register_with_a_wrong_value_is_refused(key: str, value: object) -> None:
+    document = {
+        "issued": [
+            {"name": "alice", "role": "operator", "robot": "robot", "hosts": [], "serial": "1", "ends_s": 2e9}
+        ],
+        "revoked": {"eve": 1e9},
+    }
+    assert from_json(document).latest("alice") is not None
+    document["issued"][0][key] = value  # type: ignore[index]
+    with pytest.raises(ValueError, match="not a"):
+        from_json(document)

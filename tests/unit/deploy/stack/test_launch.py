@@ -167,3 +167,37 @@ def test_programs_that_are_not_wanted_do_not_start(tmp_path: Path) -> None:
         variables = Launch.read(None, None, with_sim=with_sim).environment(StateDir(tmp_path))
         assert variables["LIFELINE_START_SIM"] == wanted
         assert (variables["LIFELINE_START_ROS2"], variables["LIFELINE_ROS2_COMMAND"]) == ("false", "false")
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("endpoint", None),
+        ("endpoint", ["tcp/127.0.0.1:1"]),
+        ("endpoint", "\x1b[31m"),
+        ("namespace", "a/b"),
+        ("lease_s", "soon"),
+        ("lease_s", 2**63),
+        ("keys", 1),
+        ("config", None),
+        ("config", "x" * 70_000),
+        ("config", "\ud800"),
+        ("nodes", "sim"),
+        ("nodes", [None]),
+    ],
+)
+def test_a_record_with_a_wrong_value_is_no_running_stack(tmp_path: Path, key: str, value: object) -> None:
+    state = StateDir(tmp_path)
+    record = Launch.read(None, "tcp/127.0.0.1:2222").to_record()
+    state.record.write_text(json.dumps(record | {key: value}))
+    assert Launch.running(state) is None
+
+
+def test_a_record_of_an_older_version_without_nodes_is_a_simulated_robot(tmp_path: Path) -> None:
+    state = StateDir(tmp_path)
+    record = Launch.read(None, "tcp/127.0.0.1:2222").to_record()
+    del record["nodes"]
+    state.record.write_text(json.dumps(record | {"added_later": 1}))
+    launch = Launch.running(state)
+    assert launch is not None
+    assert launch.nodes == SIMULATED

@@ -168,3 +168,11 @@ def test_the_last_lines_of_a_log_are_reported_and_a_missing_log_is_empty(tmp_pat
     state.log("sim").write_text("".join(f"line {i}\n" for i in range(20)))
     assert state.last_lines("sim") == "\n".join(f"    line {n}" for n in range(12, 20))
     assert state.last_lines("supervisor") == ""
+
+
+@pytest.mark.parametrize("pid", ["0", "-1", "true", "1.5", "null", str(2**63), "[" * 100_000])
+def test_a_lock_that_names_no_single_process_names_none(tmp_path: Path, pid: str) -> None:
+    """Zero and negative numbers would send a signal to several processes."""
+    state = StateDir(tmp_path)
+    state.lock.write_text(f'{{"pid": {pid}, "command": "up"}}')
+    assert LockedError(state).pid is None
