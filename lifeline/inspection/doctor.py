@@ -63,7 +63,7 @@ async def _examine(
         await _listen(seen, robot_at(bus, launch, seen.config, stop), seconds)
     findings = [one._replace(what=runnable(one.what), remedy=runnable(one.remedy)) for one in diagnose(seen)]
     found = [finding._asdict() for finding in findings]
-    show(found, _table(findings), Text(_summary(findings)), as_json=as_json)
+    show(found, table_of(findings), Text(_summary(findings)), as_json=as_json)
     return 0 if is_healthy(findings) else 1
 
 
@@ -170,7 +170,7 @@ def _reports_releases(descriptor: int) -> bool | None:
     return b"u" in answer
 
 
-def _table(findings: list[Finding]) -> Table:
+def table_of(findings: list[Finding]) -> Table:
     table = Table("", Column(style="dim"), "")
     for finding in findings:
         text = Text(printable_lines(finding.what))

@@ -75,11 +75,11 @@ async def list_topics(robot: Robot, seconds: float, *, as_json: bool) -> int:
     declared = {key for node in nodes for key in node.session.writes if "*" not in key}
     others = sorted((declared | set(traffic.keys)) - set(robot.known))
     found = [_entry(key, robot.topic(key), nodes, traffic.keys.get(key)) for key in (*robot.known, *others)]
-    show([entry.to_json() for entry in found], _topic_table(found), as_json=as_json)
+    show([entry.to_json() for entry in found], topic_table(found), as_json=as_json)
     return 0
 
 
-def _topic_table(found: Iterable[Entry]) -> Table:
+def topic_table(found: Iterable[Entry]) -> Table:
     table = Table("topic", "type", "may write", "writes", Column("Hz", right=True))
     for entry in found:
         table.add_row(
@@ -116,11 +116,11 @@ async def show_topic(robot: Robot, name: str, seconds: float | None, *, as_json:
         rate = "not measured without --seconds"
     else:
         rate = "nothing heard" if heard is None else f"{heard.rate_hz:.1f} Hz"
-    show(document, _topic_facts(entry, writing, reading, rate), as_json=as_json)
+    show(document, topic_facts(entry, writing, reading, rate), as_json=as_json)
     return 1 if entry.problem else 0
 
 
-def _topic_facts(entry: Entry, writing: Sequence[Node], reading: Sequence[Node], rate: str) -> Table:
+def topic_facts(entry: Entry, writing: Sequence[Node], reading: Sequence[Node], rate: str) -> Table:
     table = facts()
     table.add_row("topic", entry.key)
     table.add_row("type", entry.type or "unknown")
@@ -150,7 +150,7 @@ def _brief_json(node: Node) -> dict[str, Any]:
 async def list_nodes(robot: Robot, *, as_json: bool) -> int:
     """Print all nodes."""
     nodes = await robot.nodes()
-    show([_node_json(node) for node in nodes], _node_table(nodes), as_json=as_json)
+    show([_node_json(node) for node in nodes], node_table(nodes), as_json=as_json)
     return 0
 
 
@@ -165,7 +165,7 @@ def _node_json(node: Node) -> dict[str, Any]:
     }
 
 
-def _node_table(nodes: Iterable[Node]) -> Table:
+def node_table(nodes: Iterable[Node]) -> Table:
     counts = [Column(name, right=True) for name in ("uptime", "writes", "reads", "serves")]
     table = Table("node", Column("pid", right=True), "host", *counts)
     for node in nodes:
@@ -192,7 +192,7 @@ async def show_node(robot: Robot, name: str, seconds: float, *, as_json: bool) -
     traffic = await robot.traffic(seconds)
     found = await _found(robot, name)
     documents = [_node_json(node) | {"rates_hz": _rates(node, traffic)} for node in found]
-    pages: list[RenderableType] = [page for node in found for page in (_node_facts(node, traffic), "")]
+    pages: list[RenderableType] = [page for node in found for page in (node_facts(node, traffic), "")]
     show(documents, *pages, as_json=as_json)
     return 0
 
@@ -231,7 +231,7 @@ def _rates(node: Node, traffic: Traffic) -> dict[str, float | None]:
     }
 
 
-def _node_facts(node: Node, traffic: Traffic) -> Table:
+def node_facts(node: Node, traffic: Traffic) -> Table:
     table = facts()
     table.add_row("node", printable(node.name))
     if node.process is not None:

@@ -65,7 +65,7 @@ async def echo(robot: Robot, names: Sequence[str], wanted: Echo) -> int:
                 value = select(value, wanted.field)
             except ValueRefusedError as error:
                 raise DeployError(f"{sample.key}: {error}") from error
-        _print_value(sample.key, value, wanted, with_header, several=len(keys) > 1)
+        print_value(sample.key, value, wanted, with_header, several=len(keys) > 1)
         if wanted.once:
             break
     return 0
@@ -109,7 +109,7 @@ def value_of(sample: Overheard, topic: Topic[Any] | None) -> Any:  # noqa: ANN40
         return {"not_a": topic.type.__msgtype__, **raw}
 
 
-def _print_value(key: str, value: object, wanted: Echo, with_header: set[str], *, several: bool) -> None:
+def print_value(key: str, value: object, wanted: Echo, with_header: set[str], *, several: bool) -> None:
     if wanted.as_json:
         print(json.dumps({"key": key, "value": finite(value)}), flush=True)
     elif wanted.as_csv:

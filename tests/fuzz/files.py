@@ -14,7 +14,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from deploy.keys.commands import show as show_keys
 from deploy.keys.folder import Folder
@@ -248,8 +248,10 @@ def _value_damaged(random: Random, line: bytes) -> bytes:
 
 def _places(value: Any) -> Iterator[tuple[Any, Any]]:  # noqa: ANN401 - any JSON
     """Yield the container and the key of every value."""
-    keys: Any = value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()
-    for key in list(keys):
+    keys: list[Any] = []
+    if isinstance(value, dict | list):
+        keys = list(cast("Any", value if isinstance(value, dict) else range(len(cast("Any", value)))))
+    for key in keys:
         yield value, key
         yield from _places(value[key])
 

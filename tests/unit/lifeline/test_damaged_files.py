@@ -31,7 +31,7 @@ def first_step(lines: list[dict[str, Any]]) -> dict[str, Any]:
     return next(line for line in lines if "inputs" in line)
 
 
-def at(lines: list[dict[str, Any]], *path: str | int) -> None:
+def at(lines: list[dict[str, Any]], *path: Any) -> None:  # noqa: ANN401 - keys, then any JSON value
     """Replace one value of the header, the first state or the first step by the last part of the path."""
     *parts, key, value = path
     place: Any = {"header": lines[0], "state": lines[1]["state"], **first_step(lines)}
@@ -179,7 +179,14 @@ def test_many_damaged_files_of_every_kind_are_read_or_refused(tmp_path: Path) ->
 
 def test_a_reader_that_raises_is_found(tmp_path: Path) -> None:
     box, *_ = readers(tmp_path / "seeds")
-    broken = box._replace(read=lambda path: json.loads(gzip.decompress(path.read_bytes())))
+
+    def raise_it(path: Path) -> object:
+        return json.loads(gzip.decompress(path.read_bytes()))
+
+    def print_it(path: Path) -> object:
+        return print("\x1b[31m", path.name)
+
+    broken = box._replace(read=raise_it)
     assert "JSONDecodeError" in feed(broken, tmp_path, box.seed)
-    printing = box._replace(read=lambda _: print("\x1b[31m"))
+    printing = box._replace(read=print_it)
     assert "the terminal is sent" in feed(printing, tmp_path, box.seed)

@@ -10,7 +10,7 @@ from deploy.stack.ros2_reports import Level
 from deploy.stack.ros2_reports import Report as Ros2Report
 from faults.report.table import print_results, story
 from faults.trial import BrokenPromise, Injected
-from lifeline import command, status
+from lifeline import status
 from lifeline.command import StatusLine, note, say
 from lifeline.inspection import doctor, listing, topic
 from lifeline.inspection.diagnosis import problem
@@ -80,26 +80,27 @@ def test_the_status_of_a_robot() -> None:
 @pytest.mark.parametrize("where", ["latched", "left_over", "silence", "endpoint"])
 def test_the_status_of_a_robot_that_does_not_run(where: str) -> None:
     idle: dict[str, Any] = {"endpoint": "tcp/127.0.0.1:1", "connected": False, "programs": {}}
-    assert_harmless(printed(status.table(status.Look(**idle | {where: HOSTILE}))))
+    idle[where] = HOSTILE
+    assert_harmless(printed(status.table(status.Look(**idle))))
 
 
 def test_topics_and_nodes() -> None:
     heard = Traffic()
     heard.keys[HOSTILE] = KeyTraffic()
-    assert_harmless(printed(listing._topic_table([entry()])), 2)
-    assert_harmless(printed(listing._topic_facts(entry(), [node()], [node()], None)), 4)
-    assert_harmless(printed(listing._node_table([node()])), 2)
-    assert_harmless(printed(listing._node_facts(node(), heard)), 5)
+    assert_harmless(printed(listing.topic_table([entry()])), 2)
+    assert_harmless(printed(listing.topic_facts(entry(), [node()], [node()], None)), 4)
+    assert_harmless(printed(listing.node_table([node()])), 2)
+    assert_harmless(printed(listing.node_facts(node(), heard)), 5)
 
 
 def test_messages_of_several_keys(capsys: pytest.CaptureFixture[str]) -> None:
     for wanted in (topic.Echo(), topic.Echo(as_csv=True)):
-        topic._print_value(HOSTILE, {"a": 1}, wanted, set(), several=True)
+        topic.print_value(HOSTILE, {"a": 1}, wanted, set(), several=True)
         assert_harmless(capsys.readouterr().out)
 
 
 def test_findings_of_the_doctor() -> None:
-    assert_harmless(printed(doctor._table([problem(HOSTILE, HOSTILE, HOSTILE)])), 3)
+    assert_harmless(printed(doctor.table_of([problem(HOSTILE, HOSTILE, HOSTILE)])), 3)
 
 
 @pytest.mark.parametrize("shared_endpoint", [None, HOSTILE])
@@ -119,7 +120,6 @@ def test_sentences_and_the_status_line(
     assert_harmless(capsys.readouterr().err)
     stream = io.StringIO()
     monkeypatch.setattr(stream, "isatty", lambda: True)
-    monkeypatch.setattr(command.os, "get_terminal_size", lambda _: (_ for _ in ()).throw(OSError))
     monkeypatch.setenv("TERM", "xterm")
     line = StatusLine(stream)
     line.say(HOSTILE)

@@ -178,7 +178,7 @@ def test_a_field_that_an_older_file_lacks_has_its_default() -> None:
         (
             np.ndarray[Any, np.dtype[np.float32]],
             {"dtype": "<f4", "shape": [2**63], "base64": ""},
-            "in an array",
+            "dimension",
         ),
         (
             np.ndarray[Any, np.dtype[np.float32]],
