@@ -1,4 +1,4 @@
-"""JSON and TOML that others wrote, such as files: bounded size, depth and numbers, and exactly one kind of error. Pure."""
+"""JSON and TOML that others wrote, such as files: bounded size, depth and numbers, and exactly one kind of error."""
 
 import json
 import math
@@ -35,7 +35,7 @@ def read_text(path: Path) -> str:
 
 
 def from_json(text: str) -> Any:  # noqa: ANN401 - any JSON value
-    """Return the values of a JSON text; each number is finite, and each integer has at most 64 bits or a few more.
+    """Return the values of a JSON text; each number is finite, and each integer has at most `MAX_DIGITS` digits.
 
     Raises:
         ForeignError: it is not such a text, or is nested too deeply.
