@@ -88,7 +88,7 @@ def test_topics_and_nodes() -> None:
     heard = Traffic()
     heard.keys[HOSTILE] = KeyTraffic()
     assert_harmless(printed(listing.topic_table([entry()])), 2)
-    assert_harmless(printed(listing.topic_facts(entry(), [node()], [node()], None)), 4)
+    assert_harmless(printed(listing.topic_facts(entry(), [node()], [node()], "")), 4)
     assert_harmless(printed(listing.node_table([node()])), 2)
     assert_harmless(printed(listing.node_facts(node(), heard)), 5)
 
