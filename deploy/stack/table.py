@@ -95,7 +95,7 @@ def _lines(columns: Sequence[Column], rows: Sequence[Sequence[Text]], width: int
         sizes = [max(size, column.width) for size, column in zip(sizes, columns, strict=True)]
     lines = _packed(sizes, width)
     for number, line in enumerate(lines):
-        free = width - (INDENT if number else 0) - sum(line.values()) - GAP * (len(line) - 1)
+        free = max(0, width - (INDENT if number else 0) - sum(line.values()) - GAP * (len(line) - 1))
         needs = {at: max(0, (columns[at].width or longest[at]) - size) for at, size in line.items()}
         for at in sorted(needs, key=lambda at: needs[at]):
             growth = min(needs[at], free)

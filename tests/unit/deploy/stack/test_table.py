@@ -1,7 +1,7 @@
 """The table of all commands: its columns, its lines, and what it does with long words, wide characters and colours."""
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 from rich.console import Console
@@ -124,6 +124,7 @@ def test_markup_in_a_cell_is_text() -> None:
     assert printed(table, 40) == ["use  [sim] and [bold]"]
 
 
+@example(rows=[("", "", "")], width=2)
 @given(
     st.lists(st.tuples(*[st.text("ab 機é\n", max_size=90)] * 3), min_size=1, max_size=4),
     st.integers(1, 130),
