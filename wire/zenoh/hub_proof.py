@@ -6,6 +6,7 @@ prove the hubs of other machines; at `tcp/` of another machine, nothing does.
 """
 
 import asyncio
+import logging
 import os
 import pwd
 import threading
@@ -20,9 +21,13 @@ from wire.bus_config import BusConfig
 from wire.host.connections import ROOT, is_here, tcp_user, unix_users
 from wire.zenoh import local_socket
 
+_log = logging.getLogger(__name__)
+
 ASK_AGAIN_S = 0.02
 ATTEMPTS = 10
 """How often the kernel is asked about a connection that it does not show yet."""
+ASK_LATER_S = 0.2
+"""Pause before the kernel is asked about an unproven connection again, although no transport has opened or ended."""
 
 
 class HubProof:
@@ -43,7 +48,7 @@ class HubProof:
         self._loop = asyncio.get_running_loop()
         self._lock = threading.Lock()
         self._connection = 0
-        self._proven = threading.Event()
+        self._proven, self._news = threading.Event(), threading.Event()
         if not self._is_needed:
             self._proven.set()
         self._said: str | None = None
@@ -75,8 +80,13 @@ class HubProof:
             self._said = None
         return bool(links) and not strangers
 
-    def changed(self, session: zenoh.Session, *, is_open: bool) -> None:
-        """Believe nothing until a new connection is proven.
+    def start(self, session: zenoh.Session) -> None:
+        """Prove the connections of an open session until it closes, on a thread of its own."""
+        if self._is_needed:
+            threading.Thread(target=self._prove, args=(session,), daemon=True, name="hub-proof").start()
+
+    def changed(self) -> None:
+        """Believe nothing until the present connection is proven.
 
         Called on Zenoh's thread at each transport that opens, before its first message is read, and at each one that ends.
         """
@@ -85,17 +95,25 @@ class HubProof:
         with self._lock:
             self._connection += 1
             self._proven.clear()
-            number = self._connection
-        if is_open:
-            threading.Thread(
-                target=self._prove, args=(session, number), daemon=True, name="hub-proof"
-            ).start()
+        self._news.set()
 
-    def _prove(self, session: zenoh.Session, number: int) -> None:
-        is_proven = self.check(session)
-        with self._lock:
-            if is_proven and number == self._connection:
-                self._proven.set()
+    def _prove(self, session: zenoh.Session) -> None:
+        # The events alone are no cause to ask: on a busy machine, the end of an old transport is reported after its successor.
+        while not session.is_closed():
+            number = self._connection
+            is_proven = self._is_proven(session)
+            with self._lock:
+                if is_proven and number == self._connection:
+                    self._proven.set()
+            self._news.wait(None if self.holds else ASK_LATER_S)
+            self._news.clear()
+
+    def _is_proven(self, session: zenoh.Session) -> bool:
+        try:
+            return self.check(session)
+        except Exception as error:  # noqa: BLE001 - whatever it is, the hub is unproven, and this thread goes on
+            _log.debug("cannot ask whose hub it is: %s", error)
+            return False
 
     def _is_believed(self, user: int | None) -> bool:
         return user in {ROOT, os.getuid()} or (user is not None and self._user in {str(user), _name_of(user)})

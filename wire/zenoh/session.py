@@ -189,13 +189,15 @@ class ZenohSession:
         self._declared.append(
             session.info.declare_transport_events_listener(direct(self._on_transport), history=True)
         )
+        if proof is not None:
+            proof.start(session)
 
     def _on_transport(self, event: zenoh.TransportEvent) -> None:
         # A hub refuses no sample of its clients and its routers, since one of them may be an e-stop.
         is_to_server = event.transport.whatami != zenoh.WhatAmI.CLIENT
         is_open = event.kind == zenoh.SampleKind.PUT
         if is_to_server and self._proof is not None:
-            self._proof.changed(self._session, is_open=is_open)
+            self._proof.changed()
         if is_to_server and is_open and not self._is_hub:
             self._reconnection.opened(str(event.transport.zid), time.monotonic())
         elif not is_to_server:

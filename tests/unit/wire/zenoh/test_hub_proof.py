@@ -4,7 +4,7 @@ import asyncio
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, cast
 
@@ -29,6 +29,7 @@ class Session:
     """The links of a session."""
 
     open: list[Link] = field(default_factory=lambda: [Link()])
+    closed: bool = False
 
     @property
     def info(self) -> "Session":
@@ -36,6 +37,9 @@ class Session:
 
     def links(self) -> list[Link]:
         return self.open
+
+    def is_closed(self) -> bool:
+        return self.closed
 
 
 class Kernel:
@@ -66,9 +70,14 @@ class Kernel:
         return user
 
 
+started: list[Session] = []
+
+
 @pytest.fixture
-def kernel(monkeypatch: pytest.MonkeyPatch) -> Kernel:
-    return Kernel(monkeypatch)
+def kernel(monkeypatch: pytest.MonkeyPatch) -> Iterator[Kernel]:
+    yield Kernel(monkeypatch)
+    while started:  # their threads end
+        started.pop().closed = True
 
 
 def proof_of(config: BusConfig | None = None) -> tuple[HubProof, list[str]]:
@@ -80,8 +89,11 @@ def check(proof: HubProof, session: Session | None = None) -> bool:
     return proof.check(cast("Any", session or Session()))
 
 
-def changed(proof: HubProof, *, is_open: bool = True) -> None:
-    proof.changed(cast("Any", Session()), is_open=is_open)
+def start(proof: HubProof, session: Session | None = None) -> Session:
+    session = session or Session()
+    started.append(session)
+    proof.start(cast("Any", session))
+    return session
 
 
 @pytest.mark.parametrize("link", [Link(), Link("unixsock-stream//run/7447.sock", "unixsock-stream/x")])
@@ -165,7 +177,8 @@ async def test_with_certificates_the_kernel_is_not_asked(kernel: Kernel) -> None
     proof, _ = proof_of(BusConfig("quic/127.0.0.1:7447"))
     assert check(proof)
     assert proof.holds
-    changed(proof)
+    start(proof)
+    proof.changed()
     assert proof.holds
     assert kernel.asked == 0
 
@@ -182,16 +195,17 @@ async def test_a_user_whom_this_machine_does_not_have_proves_nobody_and_stops_no
 async def test_after_a_reconnection_nothing_counts_until_the_new_hub_is_proven(kernel: Kernel) -> None:
     proof, said = proof_of()
     assert not proof.holds
-    changed(proof)
+    session = start(proof)
     assert proof.holds_within(1.0)
-    changed(proof, is_open=False)
-    assert not proof.holds
-    kernel.user = STRANGER
-    changed(proof)
+    session.open = []
+    proof.changed()
+    assert not proof.holds_within(0.01)
+    kernel.user, session.open = STRANGER, [Link()]
+    proof.changed()
     await until(lambda: said != [])
     assert not proof.holds
     kernel.user = os.getuid()
-    changed(proof)
+    proof.changed()
     assert proof.holds_within(1.0)
 
 
@@ -199,13 +213,49 @@ async def test_an_answer_about_an_older_connection_does_not_prove_the_present_on
     late, asked = threading.Event(), threading.Event()
     kernel.before = lambda: (asked.set(), late.wait(1.0))
     proof, said = proof_of()
-    changed(proof)
+    start(proof)
     assert asked.wait(1.0)
     kernel.user, kernel.before = STRANGER, lambda: None
-    changed(proof)
-    await until(lambda: said != [])
+    proof.changed()
     late.set()
+    await until(lambda: said != [])
     assert not proof.holds_within(0.05)
+
+
+async def test_a_proof_that_failed_is_repeated_although_no_transport_opens(
+    kernel: Kernel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hub_proof, "ASK_LATER_S", 0.01)
+    proof, _ = proof_of()
+    session = start(proof, Session([]))
+    assert not proof.holds_within(0.05)
+    session.open = [Link()]
+    assert proof.holds_within(1.0)
+
+
+async def test_the_end_of_an_old_connection_that_is_reported_late_does_not_make_the_program_deaf(
+    kernel: Kernel,
+) -> None:
+    proof, _ = proof_of()
+    start(proof)
+    assert proof.holds_within(1.0)
+    proof.changed()
+    assert proof.holds_within(1.0)
+
+
+async def test_an_error_while_the_kernel_is_asked_proves_nothing_and_the_next_answer_counts(
+    kernel: Kernel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail() -> None:
+        kernel.before = lambda: None
+        raise OSError("Too many open files")
+
+    monkeypatch.setattr(hub_proof, "ASK_LATER_S", 0.01)
+    kernel.before = fail
+    proof, _ = proof_of()
+    start(proof)
+    assert proof.holds_within(1.0)
+    assert kernel.asked > 1
 
 
 async def until(condition: Callable[[], bool]) -> None:
