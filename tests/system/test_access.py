@@ -4,6 +4,7 @@ The tables are written by hand, and not generated as the access control is.
 """
 
 import asyncio
+import fcntl
 import os
 import sys
 from collections.abc import AsyncGenerator, Iterable
@@ -18,7 +19,7 @@ from tests.system.rogue import open_rogue
 from wire.access import LOCAL_ROLES, Contract
 from wire.bus_config import BusConfig
 from wire.roles import Role
-from wire.zenoh import local_socket
+from wire.zenoh import connect, local_socket
 from wire.zenoh.connect import open_session
 from wire.zenoh.hub_proof import HubProof
 
@@ -125,8 +126,12 @@ async def hub_and(role: Role) -> AsyncGenerator[tuple[zenoh.Session, zenoh.Sessi
 
 
 def barrier(client: zenoh.Session) -> None:
-    """Wait until the hub has processed everything that the client sent before: messages of a link stay in order."""
-    assert list(client.get("@/**", timeout=10.0)), "the hub answers its admin space"
+    """Wait until the hub has processed everything that the client sent before: messages of a link stay in order.
+
+    Only the hub's entry of the admin space is read: Zenoh answers for each declaration while it holds a lock, and a declaration
+    that arrives meanwhile stops the hub (pull request 2619 of eclipse-zenoh/zenoh).
+    """
+    assert list(client.get("@/*/peer", timeout=10.0)), "the hub answers its admin space"
 
 
 def collector() -> tuple[set[str], "zenoh.handlers.Callback[zenoh.Sample]"]:
@@ -271,7 +276,7 @@ token = session.liveliness().declare_token("robot/alive/teleop")
 served = session.declare_queryable("robot/sim/reset", lambda query: None)
 answers = [reply for reply in session.get("robot/supervisor/reset", timeout=0.5) if reply.ok]
 assert not answers, answers
-assert list(session.get("@/**", timeout=10.0)), "the hub answers its admin space"
+assert list(session.get("@/*/peer", timeout=10.0)), "the hub answers its admin space"
 print("ready", flush=True)
 print(str(heard.recv().key_expr), flush=True)
 session.close()
@@ -349,6 +354,17 @@ async def test_a_client_that_does_not_reach_the_socket_is_shown_that_it_only_rea
     finally:
         for session in (client, hub):
             session.close()  # pyright: ignore[reportUnknownMemberType]
+
+
+async def test_a_hub_starts_although_another_one_examines_the_lock_of_its_socket() -> None:
+    endpoint = free_endpoint()
+    path = local_socket.socket_of(endpoint)
+    assert path is not None
+    lock = os.open(f"{path}{local_socket.LOCK}", os.O_CREAT | os.O_RDWR)
+    fcntl.flock(lock, fcntl.LOCK_EX)
+    asyncio.get_running_loop().call_later(connect.LOCK_RETRY_S, os.close, lock)
+    hub = await open_session(BusConfig(endpoint), "hub")
+    hub.close()  # pyright: ignore[reportUnknownMemberType]
 
 
 async def test_a_restarted_hub_replaces_the_socket_of_a_killed_one() -> None:

@@ -40,6 +40,8 @@ _log = logging.getLogger(__name__)
 
 CONNECT_RETRY_S = 0.1
 REFUSED_RETRY_S = 0.5
+LOCK_RETRY_S, LOCK_RETRIES = 0.02, 5
+"""Another hub that starts holds the lock of an ended one for some microseconds (local_socket.py)."""
 RECONNECT_MS = 50
 """Period of a client's attempts to reconnect."""
 OPEN_LIMIT_MS = 3000
@@ -47,7 +49,7 @@ OPEN_LIMIT_MS = 3000
 less and less often: after Zenoh's default of 10 s, a client would notice a restarted supervisor only seconds later."""
 TROUBLE_PERIOD_S = 10.0
 """Period of a client's attempts to find out why it cannot connect; each takes 0.3 s of the processor."""
-IN_USE = "Address already in use"
+IN_USE, LOCKED = "Address already in use", "acquire lock"
 TX_QUEUE = 16
 """Maximum number of batches of one priority that wait to be sent: the most that Zenoh accepts."""
 
@@ -110,7 +112,7 @@ def _opened(
     """
     endpoints = _endpoints(config, role)
     try:
-        session = zenoh.open(_configuration(config.endpoint, _settings(config, role, bundle, endpoints)))
+        session = _open(config, role, bundle, endpoints)
     except zenoh.ZError as error:
         if role == "hub":
             raise BusError(_listen_sentence(str(error), config.endpoint)) from error
@@ -126,6 +128,24 @@ def _opened(
         time.sleep(REFUSED_RETRY_S)
         return None
     return session
+
+
+def _open(config: BusConfig, role: Role, bundle: Bundle | None, endpoints: list[str]) -> zenoh.Session:
+    """Open the session; try again while the lock of the hub's socket is held.
+
+    Raises:
+        ZError: it cannot be opened.
+        BusError: a value of the configuration is invalid.
+    """
+    settings = _configuration(config.endpoint, _settings(config, role, bundle, endpoints))
+    for _ in range(LOCK_RETRIES):
+        try:
+            return zenoh.open(settings)
+        except zenoh.ZError as error:
+            if LOCKED not in str(error):
+                raise
+            time.sleep(LOCK_RETRY_S)
+    return zenoh.open(settings)
 
 
 class _Trouble:
@@ -407,7 +427,7 @@ def _configuration(endpoint: str, values: dict[str, object]) -> zenoh.Config:
 
 
 def _listen_sentence(reason: str, endpoint: str) -> str:
-    if IN_USE in reason or "acquire lock" in reason:
+    if IN_USE in reason or LOCKED in reason:
         return (
             f"the endpoint {endpoint} is already in use: another supervisor may be running "
             "(see `lifeline status`, stop it with `lifeline down`), or choose another with --endpoint"
