@@ -14,7 +14,7 @@ import pytest
 from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir
 from lifeline.recording import RecordingReader
-from sim.gl import NoGlError, choose
+from tests.gl import needs_gl
 from tests.system.harness import Robot, free_endpoint, robot
 from tests.system.test_record import ODOM, Recording, lifeline
 from wire import topics
@@ -22,14 +22,6 @@ from wire.messages import Odometry
 
 pytestmark = pytest.mark.timeout(240)
 SMALL = ("--size", "64x48")
-
-
-def has_gl() -> bool:
-    try:
-        choose()
-    except NoGlError:
-        return False
-    return True
 
 
 def rendered(*arguments: str) -> dict[str, Any]:
@@ -56,7 +48,7 @@ async def drive_away(subject: Robot, distance_m: float) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.skipif(not has_gl(), reason="neither EGL nor OSMesa: apt install libegl1 libegl-mesa0")
+@needs_gl
 async def test_a_driven_robot_is_drawn_where_it_stands_and_its_recording_is_a_film_of_its_length(
     tmp_path: Path,
 ) -> None:
@@ -129,7 +121,7 @@ def render(tmp_path: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.mark.skipif(not has_gl(), reason="neither EGL nor OSMesa: apt install libegl1 libegl-mesa0")
+@needs_gl
 def test_where_no_robot_runs_a_new_one_is_drawn_and_the_command_says_so(tmp_path: Path) -> None:
     done = render(tmp_path, "--seconds", "0.1")
     assert done.returncode == 0, done.stderr

@@ -17,19 +17,9 @@ from sim.config import Build, Hull
 from sim.gl import NoGlError, choose
 from sim.overlay import Mode, Shown
 from sim.plant import Plant
+from tests.gl import has_gl, needs_gl
 
 ROOT = Path(__file__).parents[3]
-
-
-def has_gl() -> bool:
-    try:
-        choose()
-    except NoGlError:
-        return False
-    return True
-
-
-needs_gl = pytest.mark.skipif(not has_gl(), reason="neither EGL nor OSMesa: apt install libegl1 libegl-mesa0")
 
 
 def at_10_hz(seconds: float) -> list[float]:

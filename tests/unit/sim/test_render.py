@@ -17,24 +17,14 @@ from sim.overlay import COLOURS, STOP_DISTANCE_M, WARNING_DISTANCE_M, Mode, Show
 from sim.plant import Plant
 from sim.render import FIELD_OF_VIEW_RAD, NAMES, Studio, View, ViewError, camera, captioned, view_of
 from sim.video import Pixels
+from tests.gl import has_gl, needs_gl
 from wire.reasons import StopReason
 
 WIDTH, HEIGHT = 192, 144
 
 
-def has_gl() -> bool:
-    try:
-        gl.choose()
-    except NoGlError:
-        return False
-    return True
-
-
 def nothing(name: str) -> None:
     """The error of a machine without that library."""
-
-
-needs_gl = pytest.mark.skipif(not has_gl(), reason="neither EGL nor OSMesa: apt install libegl1 libegl-mesa0")
 
 
 @pytest.fixture(scope="module", params=Hull)
