@@ -3,6 +3,7 @@
 import json
 import math
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
 
@@ -40,14 +41,7 @@ def from_json(text: str) -> Any:  # noqa: ANN401 - any JSON value
     Raises:
         ForeignError: it is not such a text, or is nested too deeply.
     """
-    try:
-        document: object = json.loads(text, parse_int=_integer, parse_float=_finite, parse_constant=_finite)
-        _check_depth(document, MAX_DEPTH)
-    except RecursionError as error:
-        raise ForeignError("it is nested too deeply") from error
-    except ValueError as error:
-        raise ForeignError(str(error)) from error
-    return document
+    return _bounded(lambda: json.loads(text, parse_int=_integer, parse_float=_finite, parse_constant=_finite))
 
 
 def from_toml(text: str) -> dict[str, Any]:
@@ -56,8 +50,12 @@ def from_toml(text: str) -> dict[str, Any]:
     Raises:
         ForeignError: it is not TOML, or is nested too deeply.
     """
+    return _bounded(lambda: tomllib.loads(text))
+
+
+def _bounded(load: Callable[[], Any]) -> Any:  # noqa: ANN401 - as the two above
     try:
-        document = tomllib.loads(text)
+        document = load()
         _check_depth(document, MAX_DEPTH)
     except RecursionError as error:
         raise ForeignError("it is nested too deeply") from error
