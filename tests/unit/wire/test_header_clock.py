@@ -1,0 +1,82 @@
+"""What the stamps of headers show about their clock."""
+
+from collections.abc import Callable
+
+import pytest
+
+from wire.header_clock import MIN_MESSAGES, RATE_TOLERANCE, WINDOW_S, HeaderClock, follow, is_simulated
+
+BEGAN_NS = 1_700_000_000_123_456_789
+PERIOD_S = 0.05
+
+
+def after(seconds: float, stamp_ns: Callable[[float], int]) -> HeaderClock:
+    """Return what a topic at 20 Hz shows after this time; the stamp is a function of the time."""
+    clock = HeaderClock()
+    for n in range(round(seconds / PERIOD_S) + 1):
+        clock = follow(clock, stamp_ns(n * PERIOD_S), 50.0 + n * PERIOD_S)
+    return clock
+
+
+def at_rate(rate: float, began_ns: int = BEGAN_NS) -> Callable[[float], int]:
+    return lambda passed_s: began_ns + round(passed_s * rate * 1e9)
+
+
+def test_stamps_that_run_like_real_time_show_nothing() -> None:
+    clock = after(10.0, at_rate(1.0))
+    assert clock.problem == ""
+    assert not clock.is_simulated
+
+
+@pytest.mark.parametrize("rate", [0.9, 1.0 - 2 * RATE_TOLERANCE, 1.0 + 2 * RATE_TOLERANCE, 2.0])
+def test_a_rate_is_named_after_two_windows(rate: float) -> None:
+    assert after(WINDOW_S, at_rate(rate)).problem == ""
+    assert after(2 * WINDOW_S, at_rate(rate)).problem == f"run at {rate:.2f} of real time"
+
+
+def test_one_late_message_is_no_rate() -> None:
+    def stamp_ns(passed_s: float) -> int:
+        late_s = 0.3 if passed_s == pytest.approx(2 * WINDOW_S) else 0.0
+        return BEGAN_NS + round((passed_s - late_s) * 1e9)
+
+    for windows in (2, 3, 4):
+        assert after(windows * WINDOW_S, stamp_ns).problem == ""
+
+
+def test_constant_stamps_are_named_after_one_window() -> None:
+    assert after(WINDOW_S - PERIOD_S, at_rate(0.0)).problem == ""
+    assert after(WINDOW_S, at_rate(0.0)).problem == "do not change"
+
+
+def test_whole_seconds_are_named_after_one_window() -> None:
+    def stamp_ns(passed_s: float) -> int:
+        return (BEGAN_NS // 1_000_000_000 + int(passed_s + 0.1)) * 1_000_000_000
+
+    assert after(WINDOW_S, stamp_ns).problem == "are whole seconds"
+
+
+def test_a_problem_that_is_over_is_no_longer_named() -> None:
+    def stamp_ns(passed_s: float) -> int:
+        return at_rate(0.9)(min(passed_s, 4.0)) + round(max(0.0, passed_s - 4.0) * 1e9)
+
+    assert after(4.0, stamp_ns).problem != ""
+    assert after(4.0 + 2 * WINDOW_S, stamp_ns).problem == ""
+
+
+def test_simulated_time_is_named_with_what_it_does() -> None:
+    clock = after(4.0, at_rate(0.9, began_ns=12_000_000_001))
+    assert clock.is_simulated
+    assert clock.problem == "run at 0.90 of real time (simulated time)"
+    assert after(4.0, at_rate(1.0, began_ns=12_000_000_001)).problem == ""
+    assert is_simulated(999_999_999.0)
+    assert not is_simulated(1e9)
+
+
+def test_headers_without_stamps_and_few_messages_show_nothing() -> None:
+    assert after(4.0, lambda _: 0) == HeaderClock()
+    assert not HeaderClock().is_simulated
+    clock = HeaderClock()
+    for n in range(MIN_MESSAGES - 1):
+        clock = follow(clock, BEGAN_NS, n * WINDOW_S)
+    assert clock.problem == ""
+    assert follow(clock, BEGAN_NS, MIN_MESSAGES * WINDOW_S).problem == "do not change"
