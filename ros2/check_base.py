@@ -11,6 +11,7 @@ import time
 from collections.abc import Awaitable, Callable
 
 from ros2 import ros
+from ros2.base_clock import BaseClock, Choice
 from ros2.commands import message
 from ros2.config import Ros2Section
 from ros2.reports import clause
@@ -24,6 +25,7 @@ MOVING_RAD_S = 0.1
 STANDING_RAD_S = 0.03
 TURN_S = 1.5
 PERIOD_S = 0.05
+ODOM_DEPTH = 64
 DISCOVERY_S = 1.5
 """For discovery to find the other publishers: each node announces itself every 0.5 s to 3 s, and when it hears a new one."""
 ODOM_LIMIT_S = 5.0
@@ -35,6 +37,12 @@ MakeNode = Callable[[Callable[[BaseException], None]], Awaitable[Ros]]
 """Returns the node; its argument is called on any thread with an exception of a callback."""
 
 EXIT_NO_TIMEOUT, EXIT_NOT_MEASURED = 1, 3
+STAMPS: dict[Choice, str] = {
+    "base": "stamps by the clock of its odometry",
+    "zero": "stamps of zero",
+    "now": "stamps by this computer's clock",
+}
+"""What is written into a TwistStamped, for people."""
 
 
 async def check_base(
@@ -73,7 +81,8 @@ class _Check:
         self._stop, self._config, self._node = stop, config, node
         self._loop = asyncio.get_running_loop()
         self._wake = asyncio.Event()
-        self._odom: Inbox[Sample] = Inbox(1, self._wake)
+        self._odom: Inbox[Sample] = Inbox(ODOM_DEPTH, self._wake)
+        self._clock = BaseClock(config.stamp)
         self._odom_topic = config.resolved(config.odom)
         self._topic = config.resolved(config.cmd_vel)
         node.subscribe(self._odom_topic, ros.ODOMETRY, self._odom.push, lambda: None)
@@ -81,7 +90,7 @@ class _Check:
         self._turn_rad_s = math.nan
 
     def command(self, velocity: cdr.Planar) -> None:
-        self._publish(message(velocity, self._config, time.time_ns()))
+        self._publish(message(velocity, self._config, self._clock.stamp_ns(time.time_ns())))
 
     async def run(self, *, ask: bool) -> int:
         print(f"waiting for odometry on {self._odom_topic}")
@@ -93,6 +102,8 @@ class _Check:
         await self._until(lambda: False, DISCOVERY_S)
         if rival := self._rival():
             return self._not_measured(rival)
+        if self._config.stamped and not self._clock.may_move(self._loop.time()):
+            return self._not_measured(self._clock_problem())
         if not self._node.subscriptions(self._topic):
             return self._not_measured(f"no node listens on {self._topic}: correct cmd_vel in [ros2]")
         print(
@@ -138,26 +149,51 @@ class _Check:
         silent_s = self._loop.time()
         if abs(self._turn_rad_s) < MOVING_RAD_S:
             return self._not_measured(
-                f"the robot did not turn (odometry: {self._turn_rad_s:.2f} rad/s): check its e-stop, and whether "
-                f"the base expects {twist_type(stamped=not self._config.stamped)} (stamped in [ros2])"
+                f"the robot did not turn (odometry: {self._turn_rad_s:.2f} rad/s): {self._why_at_rest()}"
             )
         print("commands have ended without a zero")
         if await self._until(lambda: abs(self._turn_rad_s) < STANDING_RAD_S, STOP_LIMIT_S):
             took_s = self._loop.time() - silent_s
             print(f"the base stood {took_s:.2f} s after its last command: it has a timeout of its own")
-            if took_s > GOOD_S:
+            if took_s > GOOD_S and (clocks := self._behind()):
+                print(clocks)
+            elif took_s > GOOD_S:
                 print(
                     f"more than {GOOD_S:g} s is long: reduce the cmd_vel timeout of the base's controller, to 0.25 s for example"
                 )
             return 0
         if self._stop.is_set():
             return self._not_measured("ended by a signal")
+        if clocks := self._behind():
+            print(
+                f"the base still moved {STOP_LIMIT_S:g} s after its last command: {clocks}; then measure again"
+            )
+            return EXIT_NO_TIMEOUT
         print(
             f"the base still moved {STOP_LIMIT_S:g} s after its last command: it keeps its last command without a limit, or for too long. "
             "If Lifeline's computer dies while the robot moves, nothing stops it. Set the cmd_vel timeout of the base's controller "
             "(ros2_control: cmd_vel_timeout, in s; it must not be 0.0, which switches the timeout off)"
         )
         return EXIT_NO_TIMEOUT
+
+    def _clock_problem(self) -> str:
+        """Return why the commands' stamps are not those that the base expects; empty if they are, or if there are none."""
+        return (self._clock.problem(self._loop.time()) or "") if self._config.stamped else ""
+
+    def _behind(self) -> str:
+        """Return why the base holds its last command for too long, if its clock is the cause; else empty."""
+        return self._clock_problem() if self._clock.ahead_s < 0.0 else ""
+
+    def _why_at_rest(self) -> str:
+        if self._clock.ahead_s > 0.0 and (clocks := self._clock_problem()):
+            return clocks
+        stamps = (
+            f", and accepts {STAMPS[self._clock.choice]} (stamp in [ros2])" if self._config.stamped else ""
+        )
+        return (
+            "check its e-stop, and whether the base expects "
+            f"{twist_type(stamped=not self._config.stamped)} (stamped in [ros2]){stamps}"
+        )
 
     async def _until(self, holds: Callable[[], bool], limit_s: float) -> bool:
         """Follow odometry until a condition holds; return whether it did within the limit and before a signal."""
@@ -166,6 +202,7 @@ class _Check:
             await woken_by(self._wake, min(end_s, self._loop.time() + PERIOD_S))
             self._wake.clear()
             for sample in self._odom.take():
+                self._clock.hear(sample)
                 motion = cdr.unpack_motion(sample.payload)
                 if motion is not None and math.isfinite(motion.angular_rad_s):
                     self._turn_rad_s = motion.angular_rad_s

@@ -1,6 +1,7 @@
 """Commands in both directions: those of one ROS 2 topic, as the supervisor receives them, and the robot's. Pure.
 
-A program that publishes at a steady rate passes unchanged, with the time at which ROS published each message. Two kinds
+A program that publishes at a steady rate passes unchanged, with the time at which ROS published each message, or, of a
+TwistStamped, with the stamp of its header. Two kinds
 of program were not written for a watchdog, and their commands are adapted (docs/decisions/0044):
 
 * `hold_s`: it publishes only on key events. Each command is repeated for `hold_s`, then neutral is sent.
@@ -15,6 +16,7 @@ import math
 from typing import NamedTuple
 
 from ros2.config import Ros2Section
+from ros2.header_age import HeaderAge
 from ros2.samples import Sample, Writers
 from wire import cdr
 from wire.freshness import Sent, Track, Verdict, judge
@@ -41,17 +43,23 @@ class Source:
 
     Args:
         writers: finds the writer of each message.
-        stamped: whether the topic's type is TwistStamped.
+        headers: finds the source times in the headers of a TwistStamped; None: the topic's type is Twist.
         hold_s: how long a command is repeated; None: it is not.
         on_request: whether a person arms the source.
         timeout_s: maximum age of a command.
     """
 
     def __init__(
-        self, writers: Writers, *, stamped: bool, hold_s: float | None, on_request: bool, timeout_s: float
+        self,
+        writers: Writers,
+        *,
+        headers: HeaderAge | None,
+        hold_s: float | None,
+        on_request: bool,
+        timeout_s: float,
     ) -> None:
         self._writers = writers
-        self._stamped = stamped
+        self.headers = headers
         self._hold_s = hold_s
         self._adapts = hold_s is not None or on_request
         self._timeout_s = timeout_s
@@ -70,14 +78,17 @@ class Source:
         self.accepted = 0
         self.refused = 0
 
-    def attend(self, program: bytes, now_s: float) -> None:
+    def attend(self, program: bytes, now_s: float, *, is_here: bool) -> None:
         """Begin to pass commands on: from now on, exactly one live program publishes.
 
         Args:
             program: the identity of its publisher.
             now_s: the present time.
+            is_here: whether it is known to run on this host.
         """
         self.present = True
+        if self.headers is not None:
+            self.headers.attend(is_here=is_here)
         if program != self._program:
             self._program = program
             self._writers.forget()
@@ -100,8 +111,14 @@ class Source:
         return commands
 
     def _commands(self, sample: Sample, gid: bytes) -> list[Command]:
-        twist = cdr.twist_of(sample.payload, stamped=self._stamped) or b""
-        sent = Sent(gid, sample.sequence, sample.source_time_ns * 1e-9)
+        twist = cdr.twist_of(sample.payload, stamped=self.headers is not None) or b""
+        headers = self.headers
+        source_time_ns = sample.source_time_ns if headers is None else headers.source_time_ns(sample)
+        if source_time_ns is None:  # an old command is no silence
+            self._sequence = sample.sequence
+            self._wait_for_release(sample.arrival_s)
+            return []
+        sent = Sent(gid, sample.sequence, source_time_ns * 1e-9)
         if not self._adapts:
             return [Command(twist, sample.arrival_s, sent)]
         is_next = self._sequence is None or sample.sequence == self._sequence + 1
@@ -188,7 +205,7 @@ def message(velocity: cdr.Planar, config: Ros2Section, time_ns: int) -> bytes:
     Args:
         velocity: the velocity of the robot.
         config: `[ros2]`.
-        time_ns: the stamp of a TwistStamped, by the wall clock.
+        time_ns: the stamp of a TwistStamped; 0: none.
     """
     if config.stamped:
         return cdr.twist_stamped(velocity, time_ns, config.frame_id)
@@ -208,6 +225,8 @@ class Base:
         self.due_s = 0.0
         """When the next command must be published."""
         self.reason = BaseReason.NO_COMMAND
+        self._waits_for_zero = False
+        """Whether the base's clock was unproven, and the supervisor has not commanded zero since."""
 
     def supervisor_alive(self, alive: bool, arrival_s: float) -> None:  # noqa: FBT001 - as Watchdog's
         self._changed_s = arrival_s
@@ -228,14 +247,21 @@ class Base:
         self._watchdog.command(arrival_s, velocity.linear_m_s, velocity.angular_rad_s, sent)
         self.due_s = 0.0
 
-    def target(self, now_s: float, *, repeated: bool) -> cdr.Planar:
+    def target(self, now_s: float, *, repeated: bool, may_move: bool = True) -> cdr.Planar:
         """Return the velocity to publish now.
 
         Args:
             now_s: the local monotonic clock.
             repeated: whether no new command caused this call.
+            may_move: whether the base's clock is known. Otherwise zero is published, until the supervisor has commanded
+                zero with a known clock: it notices that the base does not follow, and then requires a neutral command.
         """
         target = self._watchdog.target(now_s)
-        self.reason = target.reason
+        velocity = cdr.Planar(target.linear_m_s, target.angular_rad_s)
         self.due_s = now_s + (REPEAT_S if repeated else PATIENCE_S)
-        return cdr.Planar(target.linear_m_s, target.angular_rad_s)
+        self._waits_for_zero = not may_move or (self._waits_for_zero and velocity != cdr.STANDSTILL)
+        if not self._waits_for_zero:
+            self.reason = target.reason
+            return velocity
+        self.reason = BaseReason.COMMAND_STALE if target.reason is BaseReason.OK else target.reason
+        return cdr.STANDSTILL

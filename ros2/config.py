@@ -52,8 +52,17 @@ class RosSourceSection(Section):
     """Whether its type is TwistStamped."""
     hold_s: Hold | None = None
     """How long a command is repeated for a program that publishes only on key events; then neutral."""
+    clock: Literal["synchronised", "own"] = "synchronised"
+    """`own`: with `stamped`, the clock of its stamps differs from this computer's; only their progress shows an age."""
+    clock_limit_s: Annotated[float, Between(0.05, 10.0)] = 1.0
+    """With `stamped`: a program on another host is refused if its stamps differ by more from this computer's clock."""
     arm: Literal["on_neutral", "on_request"] = "on_neutral"
     """`on_request`: for a program that never sends zero; a person calls /lifeline/arm after each stop."""
+
+    def conflicts(self) -> Iterator[Conflict]:
+        for key in ("clock", "clock_limit_s"):
+            if key in self.model_fields_set and not self.stamped:
+                yield Conflict((key,), getattr(self, key), "needs stamped = true: a Twist has no stamp")
 
 
 class Ros2Section(Section):
@@ -72,6 +81,8 @@ class Ros2Section(Section):
     cmd_vel: RosTopic = "cmd_vel"
     stamped: bool = False
     """Whether the base listens to TwistStamped."""
+    stamp: Literal["base", "zero", "now"] | None = None
+    """Which time is written into a TwistStamped (`ros2/base_clock.py`); None: `base` once stamped odometry is heard, before `now`."""
     frame_id: Annotated[str, Field(min_length=1, max_length=64)] = "base_link"
     """The frame of a TwistStamped."""
     command_timeout_s: Annotated[float, Between(0.02, 1.0)] = 0.15
@@ -95,6 +106,8 @@ class Ros2Section(Section):
         return "/".join(["", *filter(None, [self.namespace.strip("/"), topic])])
 
     def conflicts(self) -> Iterator[Conflict]:
+        if self.stamp is not None and not self.stamped:
+            yield Conflict(("stamp",), self.stamp, "needs stamped = true: a Twist has no stamp")
         taken = {**OWN_TOPICS, self.resolved(topics.ESTOP.key): "the e-stop"}
         for path, topic in self._robots_topics():
             name = self.resolved(topic)

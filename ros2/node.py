@@ -97,11 +97,12 @@ class RosNode:
 
         def on_message(payload: bytes, info: dict[str, Any]) -> None:
             arrival_ns = time.monotonic_ns()
-            age_ns = time.time_ns() - info["source_timestamp"]
+            clock_ns = time.time_ns() - arrival_ns
             sequence, arrived = info["publication_sequence_number"], next(arrivals)
             if sequence is None or not 0 < sequence <= MAX_SEQUENCE:  # the middleware does not support it
                 sequence = arrived
-            heard(Sample(payload, arrival_ns * 1e-9, arrival_ns - age_ns, sequence))
+            source_time_ns = info["source_timestamp"] - clock_ns
+            heard(Sample(payload, arrival_ns * 1e-9, source_time_ns, sequence, clock_ns=clock_ns))
 
         self._node.create_subscription(
             TYPES[type_name],

@@ -6,6 +6,7 @@ Reports are written as CDR without rclpy; tests/unit/ros2/test_diagnostics.py co
 from collections.abc import Sequence
 
 from ros2.config import RosSourceSection
+from ros2.header_age import AGE_UNPROVEN
 from ros2.presence import Programs
 from ros2.ros import BOOL, Endpoint, Level, Report
 from ros2.status import Status
@@ -45,7 +46,13 @@ def supervisor_report(status: Status | None, base: str) -> Report:
 
 
 def source_report(
-    section: RosSourceSection, programs: Programs, accepted: int, refused: int, problem: str | None = None
+    section: RosSourceSection,
+    programs: Programs,
+    accepted: int,
+    refused: int,
+    problem: str | None = None,
+    *,
+    age: str = "",
 ) -> Report:
     """Return the report of a command source.
 
@@ -55,6 +62,7 @@ def source_report(
         accepted: number of its messages that were passed on.
         refused: number of the others.
         problem: why messages of its topic were refused lately; None if none was.
+        age: of a stamped source, what shows the age of its commands.
     """
     topic, live = programs.topic, programs.live
     problems: list[str] = []
@@ -79,13 +87,14 @@ def source_report(
     return _report(
         name,
         problems,
-        f"{names(live)} on {topic}, guarded by {guards}{hold}",
+        f"{names(live)} on {topic}, guarded by {guards}{hold}{f'; {age}' if age.startswith(AGE_UNPROVEN) else ''}",
         [
             ("topic", f"{topic} ({programs.type_name})"),
             ("node", names(live)),
             ("guards", guards),
             ("hold_s", "off" if section.hold_s is None else f"{section.hold_s:g}"),
             ("arm", section.arm),
+            *([("age", age)] if age else []),
             ("accepted", str(accepted)),
             ("refused", str(refused)),
         ],
@@ -143,6 +152,8 @@ def base_report(
     base: str,
     *,
     own_node: str,
+    clock: str = "",
+    clock_problem: str | None = None,
 ) -> Report:
     """Return the report of the robot's command topic.
 
@@ -153,9 +164,13 @@ def base_report(
         subscriptions: its subscriptions.
         base: state of the base's watchdog.
         own_node: name of this process's node.
+        clock: of a base with stamped commands, how its clock differs from this computer's.
+        clock_problem: why its commands cannot be stamped as it expects; None if they can.
     """
     problems = _wrong(
-        wrong_types(topic, type_name, subscriptions, "stamped"), wrong_qos(topic, subscriptions)
+        wrong_types(topic, type_name, subscriptions, "stamped"),
+        wrong_qos(topic, subscriptions),
+        clock_problem,
     )
     foreign = [other for other in others if other.node != own_node]
     if foreign:
@@ -169,6 +184,8 @@ def base_report(
     if not subscriptions:
         problems.append(f"no node listens on {topic}: start the base's driver, or correct cmd_vel in [ros2]")
     values = [("topic", f"{topic} ({type_name})"), ("base", base)]
+    if clock:
+        values.append(("clock", clock))
     return _report("cmd_vel", problems, f"{clause(subscriptions, 'listen')} on {topic}", values)
 
 

@@ -204,8 +204,9 @@ class RmwZenoh:
         payload, arrival_s = overheard.payload, overheard.arrival_s
         stamp = stamp_of(overheard.attachment)
         if stamp is not None:
-            source_time_ns = time.monotonic_ns() - (time.time_ns() - stamp.source_time_ns)
-            heard(Sample(payload, arrival_s, source_time_ns, stamp.sequence, stamp.gid))
+            clock_ns = time.time_ns() - time.monotonic_ns()
+            source_time_ns = stamp.source_time_ns - clock_ns
+            heard(Sample(payload, arrival_s, source_time_ns, stamp.sequence, stamp.gid, clock_ns))
             return
         if not needs_stamp:
             heard(Sample(payload, arrival_s, 0, 0))

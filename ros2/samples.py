@@ -32,6 +32,8 @@ class Sample(NamedTuple):
     """Number of the message in the run of its writer."""
     gid: bytes | None = None
     """The identity of its writer (16 bytes); None if the message does not name it."""
+    clock_ns: int = 0
+    """The wall clock of this computer less its monotonic clock, at arrival."""
 
 
 class _Writer(NamedTuple):

@@ -16,8 +16,10 @@ from functools import partial
 from typing import Any
 
 from ros2 import ros
+from ros2.base_clock import BaseClock
 from ros2.commands import Base, Command, Source, message
 from ros2.config import Ros2Section, RosSourceSection
+from ros2.header_age import HeaderAge
 from ros2.presence import Presence, Programs
 from ros2.reports import (
     base_report,
@@ -42,6 +44,7 @@ from wire.zenoh.session import RawPublisher, ZenohSession
 _log = logging.getLogger(__name__)
 
 COMMAND_DEPTH = 32
+ODOM_DEPTH = 64
 LOOK_PERIOD_S = 0.5
 """Time between two queries of discovery; a change of discovery also causes one at once."""
 POLL_PERIOD_S = 0.05
@@ -121,6 +124,10 @@ class Ros2Service:
         """Filled when a publisher or a subscription appears or disappears."""
         self._presence = Presence(node, self._on_programs)
 
+        self._base = Base(config.command_timeout_s)
+        self._base_clock = BaseClock(config.stamp)
+        self._odometry: Inbox[Sample] = Inbox(ODOM_DEPTH, None)
+        """For the base's clock; it wakes nothing, because the base is served often enough."""
         self._sensors = [
             self._sensor(f"scan {topic}", topic, ros.LASER_SCAN, topics.lidar_scan(on_wire))
             for topic, on_wire in zip(config.scans, lidar_topics, strict=True)
@@ -128,7 +135,6 @@ class Ros2Service:
         self._sensors.append(self._sensor("odom", config.odom, ros.ODOMETRY, topics.ODOM))
         self._feeds = [self._feed(section, command_timeout_s) for section in config.sources]
 
-        self._base = Base(config.command_timeout_s)
         self._cmd_vel_topic = config.resolved(config.cmd_vel)
         self._cmd_vel = node.publisher(
             self._cmd_vel_topic, twist_type(stamped=config.stamped), self._on_match
@@ -163,15 +169,18 @@ class Ros2Service:
             """Pass a message on; called on the node's thread."""
             gid = sensor.writers.gid_of(sample)
             out.put_bytes(sample.payload, Stamp(sample.sequence, sample.source_time_ns, gid).pack())
+            if to is topics.ODOM and self._config.stamped:
+                self._odometry.push(sample)
 
         self._node.subscribe(sensor.topic, type_name, on_message, self._on_match)
         return sensor
 
     def _feed(self, section: RosSourceSection, timeout_s: float) -> _Feed:
         topic, type_name = self._config.resolved(section.topic), twist_type(stamped=section.stamped)
+        limit_s = None if section.clock == "own" else section.clock_limit_s
         source = Source(
             Writers(_new_gid),
-            stamped=section.stamped,
+            headers=HeaderAge(section.name, timeout_s, limit_s) if section.stamped else None,
             hold_s=section.hold_s,
             on_request=section.arm == "on_request",
             timeout_s=timeout_s,
@@ -251,18 +260,25 @@ class Ros2Service:
         commands = self._commands.take()
         for command in commands:
             self._base.command(*command)
+        for odometry in self._odometry.take():
+            self._base_clock.hear(odometry)
         # Evaluated last, so that it covers a suspend while the commands were taken.
         if self._suspended_s() > 0.0:
             self._base.resumed(self._loop.time())
         now_s = self._loop.time()
         if now_s >= self._base.due_s:
             before = self._base.reason
-            self._publish(self._base.target(now_s, repeated=not commands))
+            may_move = self._base_clock.may_move(now_s)
+            self._publish(self._base.target(now_s, repeated=not commands, may_move=may_move))
             if self._base.reason is not before:
-                _log.info("base: %s", _base_text(self._base.reason))
+                why = self._clock_problem(now_s)
+                _log.info("base: %s%s", _base_text(self._base.reason), f": {why}" if why else "")
 
     def _publish(self, velocity: cdr.Planar) -> None:
-        self._cmd_vel(message(velocity, self._config, time.time_ns()))
+        self._cmd_vel(message(velocity, self._config, self._base_clock.stamp_ns(time.time_ns())))
+
+    def _clock_problem(self, now_s: float) -> str | None:
+        return self._base_clock.problem(now_s) if self._config.stamped else None
 
     def _serve_sources(self) -> None:
         for feed in self._feeds:
@@ -296,6 +312,8 @@ class Ros2Service:
                     self._node.subscriptions(self._cmd_vel_topic),
                     _base_text(self._base.reason),
                     own_node=self._node.name,
+                    clock=self._base_clock.shown(now_s) if self._config.stamped else "",
+                    clock_problem=self._clock_problem(now_s),
                 ),
             )
         elif now_s >= self._next_poll_s:
@@ -314,7 +332,7 @@ class Ros2Service:
 
     def _begin(self, feed: _Feed, program: bytes) -> None:
         feed.program = program
-        feed.source.attend(program, self._loop.time())
+        feed.source.attend(program, self._loop.time(), is_here=feed.programs.pid is not None)
         feed.token = self._session.declare_alive(feed.section.name)
         _log.info("%s", self._source_report(feed).message)
 
@@ -382,12 +400,15 @@ class Ros2Service:
         return supervisor_report(self._status, _base_text(self._base.reason))
 
     def _source_report(self, feed: _Feed) -> Report:
+        headers = feed.source.headers
+        problem = None if headers is None else headers.problem(self._loop.time())
         return source_report(
             feed.section,
             feed.programs,
             feed.source.accepted,
             feed.source.refused,
-            self._node.problem(feed.programs.topic),
+            problem or self._node.problem(feed.programs.topic),
+            age="" if headers is None else headers.shown,
         )
 
     def _report(self, now_s: float, base: Report) -> None:

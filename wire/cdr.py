@@ -159,6 +159,15 @@ def unpack_motion(payload: bytes) -> Motion | None:
     return Motion(frame_id, x, yaw)
 
 
+def header_ns_of(payload: bytes) -> int:
+    """Return the stamp [ns] of a message that begins with a `std_msgs/msg/Header`; 0 if it has none, or is no such message."""
+    try:
+        reader = Reader(payload)
+        return int(reader.value("i")) * 1_000_000_000 + int(reader.value("I"))
+    except ValueError:
+        return 0
+
+
 def twist_of(payload: bytes, *, stamped: bool) -> bytes | None:
     """Return the payload of a `geometry_msgs/msg/Twist`, or of the Twist in a `TwistStamped`; None if it is neither.
 

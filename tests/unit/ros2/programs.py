@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from ros2 import commands as adapter
 from ros2.commands import Source
+from ros2.header_age import HeaderAge
 from ros2.samples import Sample, Writers
 from supervisor.law.model import Command, Decision, Inputs, Liveliness, Velocity
 from tests.unit.supervisor.law.law_harness import NEUTRAL, TICK_S, Law
@@ -24,13 +25,13 @@ def new_source(
     *,
     hold_s: float | None = None,
     on_request: bool = False,
-    stamped: bool = False,
+    headers: HeaderAge | None = None,
     timeout_s: float = TIMEOUT_S,
 ) -> Source:
     count = itertools.count()
     return Source(
         Writers(lambda: next(count).to_bytes(16, "little")),
-        stamped=stamped,
+        headers=headers,
         hold_s=hold_s,
         on_request=on_request,
         timeout_s=timeout_s,
@@ -64,11 +65,13 @@ class Robot:
     program: Program = field(default_factory=Program)
     sequence: int = 0
     pending: list[Command] = field(default_factory=list[Command])
+    is_here: bool = True
+    """Whether the program is known to run on this host."""
     neutrals: int = 0
     """Number of zero velocities that reached the supervisor."""
 
     def __post_init__(self) -> None:
-        self.source.attend(PROGRAM + bytes([0]), self.now_s)
+        self.source.attend(PROGRAM + bytes([0]), self.now_s, is_here=self.is_here)
         self._runs = 0
         self._liveliness: list[Liveliness] = [Liveliness("teleop", alive=True)]
 
@@ -112,7 +115,7 @@ class Robot:
         """Serve a program from now on, as when its token appears."""
         self._runs += program is not self.program
         self.program = program or Program()
-        self.source.attend(PROGRAM + bytes([self._runs]), self.now_s)
+        self.source.attend(PROGRAM + bytes([self._runs]), self.now_s, is_here=self.is_here)
         self._liveliness.append(Liveliness("teleop", alive=True))
 
     def end(self) -> None:

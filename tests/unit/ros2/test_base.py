@@ -175,3 +175,34 @@ def test_a_command_has_the_type_that_the_base_listens_to() -> None:
     assert message(velocity, Ros2Section(), 7) == cdr.twist(velocity)
     stamped = Ros2Section(stamped=True, frame_id="base")
     assert message(velocity, stamped, 7) == cdr.twist_stamped(velocity, 7, "base")
+
+
+def test_while_the_clock_of_the_base_is_unproven_zero_is_published() -> None:
+    robot = Robot().drive()
+    assert robot.base.target(robot.now_s, repeated=False, may_move=False) == STANDSTILL
+    assert robot.base.reason is BaseReason.COMMAND_STALE
+
+
+def test_after_an_unproven_clock_nothing_moves_before_the_supervisor_has_commanded_zero() -> None:
+    robot = Robot().drive()
+    robot.base.target(robot.now_s, repeated=False, may_move=False)
+    for _ in range(100):
+        assert robot.tick() == STANDSTILL
+        assert robot.base.reason is BaseReason.COMMAND_STALE
+    assert robot.tick(cdr.twist(STANDSTILL)) == STANDSTILL
+    assert robot.base.reason is BaseReason.OK
+    assert robot.tick() == FORWARD
+
+
+def test_zero_with_an_unproven_clock_does_not_release_the_base() -> None:
+    robot = Robot().drive()
+    robot.tick(cdr.twist(STANDSTILL))
+    robot.base.target(robot.now_s, repeated=True, may_move=False)
+    assert robot.tick() == STANDSTILL
+
+
+def test_with_an_unproven_clock_the_watchdogs_own_reason_is_kept() -> None:
+    robot = Robot().drive()
+    robot.base.supervisor_alive(alive=False, arrival_s=robot.now_s)
+    robot.base.target(robot.now_s, repeated=False, may_move=False)
+    assert robot.base.reason is BaseReason.SUPERVISOR_LOST

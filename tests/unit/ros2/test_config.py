@@ -136,6 +136,31 @@ def test_two_lidars_need_two_topics() -> None:
     assert "each lidar needs a topic of its own" in message
 
 
+@pytest.mark.parametrize("value", ["base", "zero", "now"])
+def test_the_stamp_of_commands_needs_a_type_that_has_one(value: str) -> None:
+    assert ros2(stamped=True, stamp=value).stamp == value
+    assert "ros2.stamp" in (message := refusal(stamp=value))
+    assert "needs stamped = true" in message
+    assert ros2(stamped=True).stamp is None
+    assert "ros2.stamp" in refusal(stamped=True, stamp="off")
+
+
+def test_the_clock_of_a_source_needs_a_type_with_a_stamp() -> None:
+    assert ros2(sources=[source(stamped=True, clock="own")]).sources[0].clock == "own"
+    assert ros2(sources=[source(stamped=True)]).sources[0].clock_limit_s == 1.0
+    for value in ({"clock": "own"}, {"clock_limit_s": 0.5}):
+        message = refusal(sources=[source(**value)])
+        assert f"ros2.sources.0.{next(iter(value))}" in message
+        assert "needs stamped = true" in message
+
+
+@pytest.mark.parametrize(
+    "limit_s", [0.0, math.nextafter(0.05, 0.0), math.nextafter(10.0, 11.0), math.inf, math.nan]
+)
+def test_the_limit_of_a_clock_is_neither_off_nor_endless(limit_s: float) -> None:
+    assert "ros2.sources.0.clock_limit_s" in refusal(sources=[source(stamped=True, clock_limit_s=limit_s)])
+
+
 # --- the values of [supervisor] that the ROS 2 process reads
 
 

@@ -1,6 +1,7 @@
 """The report of each topic: its level, its sentence and its values."""
 
 from ros2.config import RosSourceSection
+from ros2.header_age import AGE_UNPROVEN
 from ros2.presence import Programs
 from ros2.reports import base_report, estop_report, sensor_report, source_report
 from ros2.ros import BOOL, LASER_SCAN, TWIST, TWIST_STAMPED, Endpoint, Level, Report
@@ -58,6 +59,14 @@ def test_refused_messages_are_an_error_of_their_topic() -> None:
     assert (source.level, source.message) == (Level.ERROR, "messages have no attachment")
     sensor = sensor_report("odom", "/odom", TWIST, [BASE], writers=1, problem="messages have no attachment")
     assert (sensor.level, sensor.message) == (Level.ERROR, "messages have no attachment")
+
+
+def test_what_shows_the_age_of_a_stamped_source_is_a_value_and_an_unproven_age_is_named() -> None:
+    report = source_report(STEADY, programs(TELEOP), 0, 0, age="from the headers' stamps")
+    assert dict(report.values)["age"] == "from the headers' stamps"
+    assert "age" not in report.message
+    unproven = source_report(STEADY, programs(TELEOP), 0, 0, age=f"{AGE_UNPROVEN}: only progress")
+    assert unproven.message.endswith("the command timeout; age unproven: only progress")
 
 
 def test_two_programs_are_an_error_that_names_both() -> None:
@@ -187,3 +196,12 @@ def test_another_publisher_past_the_supervisor_is_the_first_problem() -> None:
     assert first.startswith("/other publishes on /cmd_vel too, bypassing the supervisor")
     assert second.endswith("set stamped = true")
     assert third.startswith("/base requests /cmd_vel with durability transient local")
+
+
+def test_the_clock_of_a_base_with_stamped_commands_is_reported() -> None:
+    report = base_report("/cmd_vel", TWIST, [], [BASE], "OK", own_node="/lifeline", clock="0.2 s ahead")
+    assert (report.level, dict(report.values)["clock"]) == (Level.OK, "0.2 s ahead")
+    wrong = base_report(
+        "/cmd_vel", TWIST, [], [BASE], "OK", own_node="/lifeline", clock_problem="it has stepped"
+    )
+    assert (wrong.level, wrong.message) == (Level.ERROR, "it has stepped")

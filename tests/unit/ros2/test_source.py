@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ros2.commands import NEUTRAL, PERIOD_S, Command
+from ros2.header_age import HeaderAge
 from tests.unit.ros2.programs import PROGRAM, TIMEOUT_S, WALL_S, Program, Robot, new_source
 from tests.unit.supervisor.law.law_harness import FORWARD, TICK_S, ring
 from wire import cdr
@@ -117,10 +118,10 @@ def test_bytes_that_are_no_planar_twist_stop_a_steady_program_until_it_sends_zer
 
 
 def test_a_twist_stamped_passes_as_a_twist_and_a_twist_as_nothing() -> None:
-    source = new_source(stamped=True)
-    source.attend(PROGRAM, 0.0)
+    source = new_source(headers=HeaderAge("joy", TIMEOUT_S, 1.0))
+    source.attend(PROGRAM, 0.0, is_here=True)
     program = Program()
-    payload = cdr.twist_stamped(cdr.Planar(SPEED_M_S, 0.0), 7, "odd frame/ø")
+    payload = cdr.twist_stamped(cdr.Planar(SPEED_M_S, 0.0), round(1e9), "odd frame/ø")
     (command,) = source.heard(program.sample(payload, 1.0))
     assert command.twist == TWIST
     (command,) = source.heard(program.sample(TWIST, 1.0))
@@ -133,7 +134,7 @@ def test_nothing_passes_while_no_program_is_alone(hold_s: float | None, on_reque
     source, program = new_source(hold_s=hold_s, on_request=on_request), Program()
     assert source.heard(program.sample(TWIST, 1.0)) == []
     assert source.arm(1.0) == []
-    source.attend(PROGRAM, 1.0)
+    source.attend(PROGRAM, 1.0, is_here=True)
     source.leave()
     assert source.heard(program.sample(TWIST, 2.0)) == []
     assert source.arm(2.0) == []
@@ -146,7 +147,7 @@ def test_nothing_passes_while_no_program_is_alone(hold_s: float | None, on_reque
 
 def test_neutral_is_sent_once_a_program_has_been_silent_for_hold_s() -> None:
     source = new_source(hold_s=0.5)
-    source.attend(PROGRAM, 10.0)
+    source.attend(PROGRAM, 10.0, is_here=True)
     assert source.due_s() == 10.5
     assert source.repeat(math.nextafter(10.5, 0.0)) == []
     assert source.repeat(10.5) == [Command(NEUTRAL, 10.5)]
@@ -268,7 +269,7 @@ def test_a_stalled_ros_2_process_does_not_take_its_own_silence_for_the_programs(
 def test_the_wait_for_release_begins_just_after_a_stall_of_the_timeout() -> None:
     for now_s, neutral in ((0.75, True), (math.nextafter(0.75, 1.0), False)):
         source = new_source(hold_s=0.5, timeout_s=0.25)
-        source.attend(PROGRAM, 0.0)
+        source.attend(PROGRAM, 0.0, is_here=True)
         assert bool(source.repeat(now_s)) is neutral
         assert neutral or source.due_s() == now_s + 0.5
 
@@ -412,7 +413,7 @@ def test_the_time_of_adapted_commands_never_decreases_nor_leads(
     events: list[tuple[str, float]], hold_s: float | None
 ) -> None:
     source, program, now_s = new_source(hold_s=hold_s, on_request=True), Program(), 1000.0
-    source.attend(PROGRAM, now_s)
+    source.attend(PROGRAM, now_s, is_here=True)
     newest_s = -math.inf
     for kind, seconds in events:
         payload = {"say": TWIST, "zero": NEUTRAL, "invalid": NOT_FINITE}.get(kind)
@@ -442,12 +443,12 @@ def test_under_hold_s_no_motion_passes_before_zero_or_silence(
     events: list[tuple[float, float, int, bool]],
 ) -> None:
     source, program, now_s = new_source(hold_s=HOLD_S), Program(), 1000.0
-    source.attend(PROGRAM, now_s)
+    source.attend(PROGRAM, now_s, is_here=True)
     passed: list[Command] = []
     for linear_m_s, late_s, ticks, restarts in events:
         if restarts:
             source.leave()
-            source.attend(PROGRAM, now_s)
+            source.attend(PROGRAM, now_s, is_here=True)
             passed.clear()
         passed += source.heard(program.sample(cdr.twist(cdr.Planar(linear_m_s, 0.0)), now_s, late_s))
         for _ in range(ticks):

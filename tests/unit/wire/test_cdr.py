@@ -361,3 +361,12 @@ def test_the_answer_of_a_service_is_read_back(success: bool, message: str) -> No
 
 def test_a_zero_byte_in_a_text_does_not_end_it() -> None:
     assert cdr.trigger_reply(cdr.trigger_response(success=True, message="one\0two")) == (True, "onetwo")
+
+
+def test_the_stamp_of_any_header_is_found_and_what_has_none_gives_zero() -> None:
+    assert cdr.header_ns_of(cdr.twist_stamped(cdr.STANDSTILL, 1_700_000_000_000_000_123, "f")) == (
+        1_700_000_000_000_000_123
+    )
+    assert cdr.header_ns_of(cdr.twist_stamped(cdr.STANDSTILL, 0, "f")) == 0
+    for payload in (b"", b"text", cdr.LITTLE_ENDIAN + bytes(7)):
+        assert cdr.header_ns_of(payload) == 0

@@ -1,0 +1,140 @@
+"""The clock of the base, from the stamps of its odometry, and the time that is written into a TwistStamped. Pure.
+
+A base such as diff_drive_controller compares the stamp of a command with its own clock. If its clock is ahead of this
+computer's by more than its timeout, it ignores each command; if it is behind, the last command holds for longer by the
+difference when everything above the base dies. Commands are therefore stamped in the base's clock: the offset is the
+smallest (arrival − stamp) of its odometry, judged as a command's age is (`wire/freshness.py`). A clock that has stepped, or
+that does not run like real time, is unproven until its offset has been stable again.
+
+| `[ros2] stamp` | is written |
+|---|---|
+| `base` | the time by the base's clock; while this is unproven, only zero velocity |
+| `zero` | zero: the base's controller takes its own time at arrival |
+| `now` | the time by this computer's clock |
+| not set | `base` once stamped odometry was heard, before `now` |
+"""
+
+import math
+from typing import Literal
+
+from ros2.samples import Sample
+from wire import cdr
+from wire.freshness import Sent, Track, Verdict, judge
+from wire.header_clock import HeaderClock, follow
+
+STABLE_S = 0.2
+"""Time for which the offset must be stable, and the largest delay of odometry that confirms it."""
+SILENT_S = 0.5
+"""Without odometry that confirms the offset for this long, the offset is unproven. Longer than a pause of DDS (0.35 s)."""
+OFFSET_LIMIT_S = 0.1
+"""With `now`, a larger offset is reported: it is a large part of the timeout of a usual base (0.25 to 0.5 s)."""
+EPOCH = b"odom"
+
+Choice = Literal["base", "zero", "now"]
+
+
+class BaseClock:
+    """Follows the base's clock, and decides which stamp its commands get.
+
+    Args:
+        choice: `[ros2] stamp`.
+    """
+
+    def __init__(self, choice: Choice | None) -> None:
+        self._choice: Choice | None = choice
+        self._track = Track()
+        self._header = HeaderClock()
+        self._heard = 0
+        self._newest_behind_s = 0.0
+        self._confirmed_s = -math.inf
+
+    def hear(self, odometry: Sample) -> None:
+        """Process a message of the base's odometry; one without a stamp shows nothing."""
+        stamp_ns, arrival_s = cdr.header_ns_of(odometry.payload), odometry.arrival_s
+        if stamp_ns == 0:
+            return
+        self._header = follow(self._header, stamp_ns, arrival_s)
+        if self._track.proven and arrival_s - self._confirmed_s > SILENT_S:
+            self._track = Track()
+        self._heard += 1
+        source_time_s = (stamp_ns - odometry.clock_ns) * 1e-9
+        sent = Sent(EPOCH, self._heard, source_time_s)
+        self._track, verdict, _ = judge(self._track, sent, arrival_s, STABLE_S)
+        self._newest_behind_s = arrival_s - source_time_s
+        if verdict is Verdict.FRESH:
+            self._confirmed_s = arrival_s
+
+    @property
+    def choice(self) -> Choice:
+        """What is written."""
+        return self._choice or ("base" if self._heard else "now")
+
+    @property
+    def ahead_s(self) -> float:
+        """The base's clock less this computer's; a delay of its odometry makes it smaller. 0 before any stamped odometry."""
+        return -(self._track.baseline_s if self._track.proven else self._newest_behind_s)
+
+    def is_proven(self, now_s: float) -> bool:
+        """Return whether the base's clock is known."""
+        confirmed = self._track.proven and now_s - self._confirmed_s <= SILENT_S
+        return confirmed and not self._header.problem
+
+    def may_move(self, now_s: float) -> bool:
+        """Return whether a command other than zero can get a stamp that the base understands."""
+        return self.choice != "base" or self.is_proven(now_s)
+
+    def stamp_ns(self, wall_ns: int) -> int:
+        """Return the stamp of a command.
+
+        Args:
+            wall_ns: the present time by this computer's wall clock.
+        """
+        match self.choice:
+            case "zero":
+                return 0
+            case "now":
+                return wall_ns
+            case "base":
+                return max(0, wall_ns + round(self.ahead_s * 1e9))
+
+    def shown(self, now_s: float) -> str:
+        """Return the state of the base's clock, for the report."""
+        if not self._heard:
+            return "unknown: no stamped odometry"
+        return f"{_side(self.ahead_s)} this computer's{'' if self.is_proven(now_s) else ', unproven'}"
+
+    def problem(self, now_s: float) -> str | None:
+        """Return a sentence if commands cannot be stamped as the base expects; None if they can."""
+        if self.choice == "zero":
+            return None
+        if self._header.problem:
+            return (
+                f"the stamps of the base's odometry {self._header.problem}, so its clock does not run like real time"
+                f"{'' if self.may_move(now_s) else ' and only zero is commanded'}: let its driver stamp with real time, or "
+                'set stamp = "zero" in [ros2] if its controller then takes its own time'
+            )
+        if not self.may_move(now_s):
+            why = (
+                "the offset of its clock is not stable (a step, or odometry that is late)"
+                if self._heard
+                else "no stamped odometry has arrived"
+            )
+            return (
+                f"{why}, so only zero is commanded: wait until it is stable, then send zero velocity; if it persists, "
+                'synchronise the clocks with NTP, or set stamp = "zero" or "now" in [ros2]'
+            )
+        if self.choice == "now" and self._heard and abs(self.ahead_s) > OFFSET_LIMIT_S:
+            effect = (
+                "ignores each command"
+                if self.ahead_s > 0.0
+                else "keeps its last command for longer by this time"
+            )
+            return (
+                f"the base's clock is {_side(self.ahead_s)} this computer's, so a base that checks stamps {effect}: set "
+                'stamp = "base" in [ros2], or synchronise the clocks with NTP'
+            )
+        return None
+
+
+def _side(ahead_s: float) -> str:
+    return f"{abs(ahead_s):.3f} s {'ahead of' if ahead_s > 0.0 else 'behind'}"
