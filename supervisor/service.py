@@ -20,6 +20,7 @@ from supervisor.law.model import Decision, Inputs, LaserScan, Liveliness, Mode, 
 from supervisor.law.safety import initial_state, runs_out_s, step
 from supervisor.messages import (
     ForeignNodes,
+    ScanHeaders,
     to_challenge,
     to_command,
     to_odometry,
@@ -106,6 +107,7 @@ class SupervisorService:
             )
             for lidar in config.all_lidars()
         ]
+        self._scan_headers = ScanHeaders([lidar.name for lidar in config.all_lidars()])
         self._odometry = bus.subscribe(topics.ODOM, per_writer=True)  # read at the next tick: not urgent
         self._estops = bus.subscribe(topics.ESTOP, depth=ESTOP_DEPTH, wake=self._turns)
         stations = config.station_names()
@@ -218,6 +220,7 @@ class SupervisorService:
         undecodable: list[int] = []
         for place, (subscription, timeout_s) in enumerate(self._lidars):
             arrivals = subscription.take()
+            self._scan_headers.hear(place, arrivals)
             heard = [to_scan(arrival, timeout_s, place) for arrival in arrivals]
             scans.extend(scan for scan in heard if scan is not None)
             if arrivals and arrivals[-1].message is None:
@@ -327,6 +330,10 @@ class SupervisorService:
         status = to_status(decision, now_s, record.problem, self._foreign_nodes.names())
         if StopReason.ESTOP in decision.causes and record.by and not self._state.stations.pressed:
             status.detail = f"{record.by}; {decision.detail}" if decision.detail else record.by
+        if StopReason.SCAN_STALE in decision.causes and (stamps := self._scan_headers.problem):
+            status.scan_problem = status.scan_problem or stamps
+            if decision.causes[0] is StopReason.SCAN_STALE:
+                status.detail = stamps
         self._status.put(status)
 
     async def _on_reset(self, _: str) -> TriggerResponse:
