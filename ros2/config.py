@@ -61,7 +61,7 @@ class RosSourceSection(Section):
 
     def conflicts(self) -> Iterator[Conflict]:
         for key in ("clock", "clock_limit_s"):
-            if key in self.model_fields_set and not self.stamped:
+            if not self.stamped and getattr(self, key) != type(self).model_fields[key].default:
                 yield Conflict((key,), getattr(self, key), "needs stamped = true: a Twist has no stamp")
 
 

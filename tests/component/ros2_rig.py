@@ -14,11 +14,11 @@ from ros2.samples import Sample
 from ros2.service import Ros2Service
 from tests.component.rig import Rig, laser_scan
 from tests.unit.ros2.fake_ros import NAME, FakeRos
-from tests.unit.ros2.programs import Program
+from tests.unit.ros2.programs import WALL_S, Program
 from virtual.network import VirtualBus
 from wire import cdr, topics
 from wire.inbox import Inbox, LivelinessChange, NoReplyError, Token
-from wire.messages import encode
+from wire.messages import encode, odometry
 from wire.stamp import Stamp, Stamper, parse_stamp
 from wire.topics import Topic
 from wire.zenoh.session import Push, ZenohSession
@@ -93,16 +93,25 @@ class VirtualSession:
 
 
 class Ros2Robot:
-    """The ROS 2 process of one robot; `sources` are entries of `[[ros2.sources]]`."""
+    """The ROS 2 process of one robot.
 
-    def __init__(self, *sources: Mapping[str, object], stamped: bool = False) -> None:
+    Args:
+        sources: entries of `[[ros2.sources]]`.
+        stamped: whether the base listens to TwistStamped.
+        stamp: `[ros2] stamp`.
+    """
+
+    def __init__(
+        self, *sources: Mapping[str, object], stamped: bool = False, stamp: str | None = None
+    ) -> None:
         self.rig = Rig()
+        self._stamped = stamped
         self.node = FakeRos()
         self.node.listed[CMD_VEL] = [OWN]
         self.node.listening[CMD_VEL] = [BASE]
         self.suspended_s = 0.0
         self.session = VirtualSession(self.rig.network.open_joined(topics.ROS2))
-        config = Ros2Section.model_validate({"sources": list(sources), "stamped": stamped})
+        config = Ros2Section.model_validate({"sources": list(sources), "stamped": stamped, "stamp": stamp})
         self.service = Ros2Service(
             cast("ZenohSession", self.session),
             self.node,
@@ -115,6 +124,11 @@ class Ros2Robot:
         self.program = Program()
         self.velocity: tuple[float, float] | None = None
         """What the program publishes at 20 Hz; None: nothing."""
+        self.base_ahead_s: float | None = None
+        """The base's clock less this computer's: it publishes odometry that follows its commands; None: no odometry."""
+        self.header_late_s: float | None = None
+        """Age of the program's headers; None: it publishes Twist."""
+        self._odometries, self._measured = Program(), cdr.STANDSTILL
         self._jitter = itertools.cycle((0.0, 1e-4))  # no real scan repeats itself
         self._scans = Program()
 
@@ -128,7 +142,7 @@ class Ros2Robot:
         stop = asyncio.Event()
         running = asyncio.create_task(self.service.run(stop))
         try:
-            async with self.rig.every(0.05, self._publish):
+            async with self.rig.every(0.05, self._publish), self.rig.every(0.02, self._measure):
                 yield self
         finally:
             stop.set()
@@ -139,6 +153,19 @@ class Ros2Robot:
         self.hear(SCAN, self._scans.sample(scan, self.now_s))
         if self.velocity is not None:
             self.say(*self.velocity)
+
+    def _measure(self) -> None:
+        if self.base_ahead_s is None:
+            return
+        self._measured = next(reversed(self.outputs()), self._measured)
+        stamp_ns = round((self.now_s + WALL_S + self.base_ahead_s) * 1e9)
+        message = odometry((0.0, 0.0, 0.0), self._measured, time_ns=stamp_ns)
+        self.hear(ODOM, self._by_wall_clock(self._odometries, encode(message)))
+
+    def _by_wall_clock(self, program: Program, payload: bytes) -> Sample:
+        """Return a message whose header is stamped by the wall clock."""
+        sample = program.sample(payload, self.now_s)
+        return sample._replace(source_time_ns=round(self.now_s * 1e9), clock_ns=round(WALL_S * 1e9))
 
     @property
     def now_s(self) -> float:
@@ -151,8 +178,12 @@ class Ros2Robot:
 
     def say(self, linear_m_s: float, angular_rad_s: float = 0.0, late_s: float = 0.0) -> None:
         """Publish one command of the program."""
-        payload = cdr.twist(cdr.Planar(linear_m_s, angular_rad_s))
-        self.hear(TELEOP, self.program.sample(payload, self.now_s, late_s))
+        velocity = cdr.Planar(linear_m_s, angular_rad_s)
+        if self.header_late_s is None:
+            self.hear(TELEOP, self.program.sample(cdr.twist(velocity), self.now_s, late_s))
+            return
+        stamp_ns = round((self.now_s + WALL_S - self.header_late_s) * 1e9)
+        self.hear(TELEOP, self._by_wall_clock(self.program, cdr.twist_stamped(velocity, stamp_ns, "")))
 
     def discover(self, *programs: Endpoint) -> None:
         """Set the publishers of the command topic that discovery knows."""
@@ -172,7 +203,10 @@ class Ros2Robot:
         return self.outputs()
 
     def outputs(self) -> list[cdr.Planar]:
-        planar = [cdr.planar_of(payload) for payload in self.node.published[CMD_VEL]]
+        twists = [
+            cdr.twist_of(payload, stamped=self._stamped) for payload in self.node.published.get(CMD_VEL, [])
+        ]
+        planar = [cdr.planar_of(twist or b"") for twist in twists]
         return [velocity for velocity in planar if velocity is not None]
 
     async def drive(self, linear_m_s: float = 0.5) -> None:

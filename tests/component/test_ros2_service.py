@@ -1,6 +1,7 @@
 """The ROS 2 process between a node without ROS, the supervisor and a virtual clock: what it passes on, and when not."""
 
 import asyncio
+import time
 
 import pytest
 
@@ -521,3 +522,88 @@ async def test_an_undecodable_status_counts_as_none() -> None:
         robot.session.bus.receive(topics.STATUS.key, b"no status", None)
         await robot.pass_time(1.0)
         assert [status.level for status in robot.node.statuses] == [Level.ERROR]
+
+
+# --- clocks
+
+AHEAD_S = 5.0
+STAMPED: dict[str, object] = {**STEADY, "stamped": True}
+
+
+def stamps_s(robot: Ros2Robot) -> list[float]:
+    """Return the stamps on the base's command topic, less the present time by the wall clock."""
+    return [cdr.header_ns_of(payload) * 1e-9 - time.time() for payload in robot.node.published[CMD_VEL]]
+
+
+async def drive_stamped(robot: Ros2Robot) -> None:
+    """Drive with a source without stamps to a base with stamped commands."""
+    robot.velocity = (0.0, 0.0)
+    await robot.pass_time(0.6)
+    robot.velocity = (0.5, 0.0)
+    assert (await robot.pass_time(0.5))[-1] == (0.5, 0.0)
+
+
+async def test_a_base_with_another_clock_gets_its_own_time() -> None:
+    robot = Ros2Robot(STEADY, stamped=True)
+    robot.discover(A)
+    robot.base_ahead_s = AHEAD_S
+    async with robot.rig.supervisor(), robot.running():
+        await drive_stamped(robot)
+        assert stamps_s(robot)[-1] == pytest.approx(AHEAD_S, abs=1.0)
+        await robot.pass_time(1.0)
+        report = robot.node.report("cmd_vel")
+    assert dict(report.values)["clock"] == "5.000 s ahead of this computer's"
+
+
+@pytest.mark.parametrize("stamp", ["zero", "now"])
+async def test_the_stamp_of_commands_can_be_chosen(stamp: str) -> None:
+    robot = Ros2Robot(STEADY, stamped=True, stamp=stamp)
+    robot.discover(A)
+    robot.base_ahead_s = AHEAD_S
+    async with robot.rig.supervisor(), robot.running():
+        await drive_stamped(robot)
+        if stamp == "zero":
+            assert all(cdr.header_ns_of(payload) == 0 for payload in robot.node.published[CMD_VEL])
+        else:
+            assert stamps_s(robot)[-1] == pytest.approx(0.0, abs=1.0)
+        await robot.pass_time(1.0)
+        report = robot.node.report("cmd_vel")
+    assert ("ignores each command" in report.message) is (stamp == "now")
+
+
+async def test_a_step_of_the_bases_clock_stops_the_robot_until_a_neutral_command() -> None:
+    robot = Ros2Robot(STEADY, stamped=True)
+    robot.discover(A)
+    robot.base_ahead_s = AHEAD_S
+    async with robot.rig.supervisor(), robot.running():
+        await drive_stamped(robot)
+        robot.base_ahead_s = 0.0
+        outputs = await robot.pass_time(5.0)
+        assert set(outputs[4:]) == {STANDSTILL}
+        assert "BASE_UNRESPONSIVE" in robot.rig.newest_status.reasons
+        await drive_stamped(robot)
+        assert stamps_s(robot)[-1] == pytest.approx(0.0, abs=1.0)
+
+
+async def test_a_source_with_headers_that_are_10_s_old_moves_nothing_and_is_named() -> None:
+    robot = Ros2Robot(STAMPED)
+    robot.discover(A._replace(type_name=TWIST_STAMPED))
+    robot.header_late_s = 10.0
+    async with robot.rig.supervisor(), robot.running():
+        robot.velocity = (0.0, 0.0)
+        await robot.pass_time(0.6)
+        robot.velocity = (0.3, 0.0)
+        assert set(await robot.pass_time(2.0)) == {STANDSTILL}
+        report = robot.node.report("source teleop")
+    assert report.level is Level.ERROR
+    assert "10.00 s behind this computer's clock" in report.message
+
+
+async def test_a_source_with_headers_of_now_drives() -> None:
+    robot = Ros2Robot(STAMPED)
+    robot.discover(A._replace(type_name=TWIST_STAMPED))
+    robot.header_late_s = 0.0
+    async with robot.rig.supervisor(), robot.running():
+        await drive_stamped(robot)
+        await robot.pass_time(1.0)
+        assert robot.node.report("source teleop").level is Level.OK

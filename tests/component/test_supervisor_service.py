@@ -4,12 +4,14 @@ import asyncio
 import itertools
 import logging
 import math
+from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from supervisor import service
 from supervisor.law.model import Decision, Inputs, State
-from tests.component.rig import Rig
+from tests.component.rig import Rig, laser_scan
 from virtual.loop import VirtualLoop
 from virtual.network import HOP_S
 from wire import topics
@@ -25,6 +27,7 @@ from wire.messages import (
     planar_twist,
     zero_twist,
 )
+from wire.ros import Time
 from wire.stamp import Stamp
 
 ZERO = (0.0, 0.0)
@@ -413,3 +416,30 @@ async def test_odometry_that_is_not_finite_displaces_none_and_is_no_writer() -> 
     async with rig.supervisor(), rig.lidar(), rig.source(), rig.every(0.05, speak):
         await rig.pass_time(1.0)
         assert rig.newest_status.reasons == []
+
+
+@pytest.mark.parametrize(
+    ("stamp_ns", "problem"),
+    [
+        (lambda now_s: round(1.7e18 + 0.9e9 * now_s), "run at 0.90 of real time"),
+        (lambda now_s: int(1.7e9 + now_s) * 1_000_000_000, "are whole seconds"),
+        (lambda _: 1_700_000_000_500_000_000, "do not change"),
+    ],
+    ids=["slow", "whole", "constant"],
+)
+async def test_scans_whose_headers_do_not_run_like_real_time_are_stale_for_a_reason_that_is_named(
+    stamp_ns: Callable[[float], int], problem: str
+) -> None:
+    rig = Rig()
+    lidar, jitter = rig.network.open_joined("bridge"), itertools.cycle((0.0, 1e-4))
+
+    def put() -> None:
+        scan = laser_scan(np.full(360, 3.0) + next(jitter))
+        scan.header.stamp = Time(*divmod(stamp_ns(rig.loop.time()), 1_000_000_000))
+        lidar.send(topics.SCAN.key, encode(scan), None)
+
+    async with rig.supervisor(), rig.source(), rig.every(0.05, put):
+        await rig.pass_time(6.0)
+        status = rig.newest_status
+    assert status.causes == ["SCAN_STALE"]
+    assert status.scan_problem == status.detail == f"the stamps of the scans' headers {problem}"

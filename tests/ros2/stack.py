@@ -31,7 +31,7 @@ sources = [{{ name = "teleop", priority = 100 }}, {{ name = "joy", priority = 90
 domain_id = {domain}
 {ros2}
 sources = [
-  {{ name = "joy", topic = "/joy_vel" }},
+  {{ name = "joy", topic = "/joy_vel"{source} }},
   {{ name = "keys", topic = "/keys_vel", hold_s = 0.6 }},
   {{ name = "plan", topic = "/plan_vel", arm = "on_request" }},
 ]
@@ -106,14 +106,23 @@ class Stack:
         folder: for the configuration and the state.
         ros2: further lines of `[ros2]`.
         observer: options of the observer.
+        source: a further key of the source `joy`.
     """
 
-    def __init__(self, host: Host, folder: Path, ros2: str = "", observer: Sequence[str] = ()) -> None:
+    def __init__(
+        self, host: Host, folder: Path, ros2: str = "", observer: Sequence[str] = (), source: str = ""
+    ) -> None:
         self.host = host
         self.endpoint = free_endpoint()
         self.config = folder / "robot.toml"
         self.config.write_text(
-            CONFIGURATION.format(endpoint=self.endpoint, folder=folder, domain=host.domain, ros2=ros2)
+            CONFIGURATION.format(
+                endpoint=self.endpoint,
+                folder=folder,
+                domain=host.domain,
+                ros2=ros2,
+                source=f", {source}" if source else "",
+            )
         )
         self._variables = {"LIFELINE_STATE_DIR": str(folder / "state")}
         (folder / "state").mkdir()

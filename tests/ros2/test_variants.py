@@ -78,9 +78,9 @@ def test_check_base_measures_whether_the_base_has_a_timeout(
     assert done.returncode == code
 
 
-def check_base(host: Host, folder: Path) -> "subprocess.CompletedProcess[str]":
+def check_base(host: Host, folder: Path, ros2: str = "") -> "subprocess.CompletedProcess[str]":
     config = folder / "check.toml"
-    config.write_text(f"[ros2]\ndomain_id = {host.domain}\n")
+    config.write_text(f"[ros2]\ndomain_id = {host.domain}\n{ros2}\n")
     lifeline = Path(sys.executable).with_name("lifeline")
     return subprocess.run(
         [lifeline, "ros2", "check-base", "--config", config, "--yes"],

@@ -1,6 +1,7 @@
 """A small differential-drive robot: /odom at 50 Hz, /scan at 20 Hz in a room with a pillar, moved by /cmd_vel.
 
-`--timeout none` keeps the last command. A line `{"reset": true}` puts it back at its start, at rest. Its odometry is exact,
+`--timeout none` keeps the last command. With `--stamped`, it treats stamps as diff_drive_controller does: zero is the present
+time, a command older than its timeout is ignored, and the timeout counts from the stamp; `--ahead S` sets its clock ahead. A line `{"reset": true}` puts it back at its start, at rest. Its odometry is exact,
 and is also published as /odom/truth, under the name that the simulated robot uses.
 """
 # pyright: basic, reportMissingImports=false
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
+from rclpy.time import Time
 from sensor_msgs.msg import LaserScan
 
 from tests.ros2.peers import room
@@ -33,7 +35,7 @@ class Robot:
 
     def __init__(self, options: argparse.Namespace, ros_arguments: list[str]) -> None:
         self.node = make_node("diff_drive", ros_arguments)
-        self._timeout_s = options.timeout
+        self._timeout_s, self._ahead_ns = options.timeout, round(options.ahead * 1e9)
         self._drive = Drive(options.timeout)
         self._stepped_s = time.monotonic()
         self._odom = self.node.create_publisher(Odometry, "odom", qos())
@@ -41,7 +43,7 @@ class Robot:
         self._random = np.random.default_rng()
         self._scan = self.node.create_publisher(LaserScan, "scan", SENSOR)
         if options.stamped:
-            self.node.create_subscription(TwistStamped, "cmd_vel", lambda one: self._obey(one.twist), qos())
+            self.node.create_subscription(TwistStamped, "cmd_vel", self._obey_stamped, qos())
         else:
             self.node.create_subscription(Twist, "cmd_vel", self._obey, qos())
         self.node.create_timer(STEP_S, self._step)
@@ -50,15 +52,26 @@ class Robot:
     def reset(self, _: dict[str, Any]) -> None:
         self._drive = Drive(self._timeout_s)
 
-    def _obey(self, twist: Twist) -> None:
-        self._drive.command(time.monotonic(), twist.linear.x, twist.angular.z)
+    def _obey(self, twist: Twist, age_s: float = 0.0) -> None:
+        self._drive.command(time.monotonic() - age_s, twist.linear.x, twist.angular.z)
+
+    def _obey_stamped(self, command: TwistStamped) -> None:
+        stamp = Time.from_msg(command.header.stamp)
+        age_s = 0.0 if stamp.nanoseconds == 0 else (self._now().nanoseconds - stamp.nanoseconds) * 1e-9
+        if self._timeout_s is None or age_s <= self._timeout_s:
+            self._obey(command.twist, age_s)
+
+    def _now(self) -> Time:
+        """Return the time by the base's clock."""
+        now = self.node.get_clock().now()
+        return Time(nanoseconds=now.nanoseconds + self._ahead_ns, clock_type=now.clock_type)
 
     def _step(self) -> None:
         now_s = time.monotonic()
         self._drive.step(now_s, now_s - self._stepped_s)
         self._stepped_s = now_s
         drive, odom = self._drive, Odometry()
-        odom.header.stamp = self.node.get_clock().now().to_msg()
+        odom.header.stamp = self._now().to_msg()
         odom.header.frame_id, odom.child_frame_id = "odom", "base_link"
         odom.pose.pose.position.x, odom.pose.pose.position.y = drive.x_m, drive.y_m
         odom.pose.pose.orientation.z = math.sin(drive.yaw_rad / 2)
@@ -69,7 +82,7 @@ class Robot:
 
     def _look(self) -> None:
         drive, scan = self._drive, LaserScan()
-        scan.header.stamp = self.node.get_clock().now().to_msg()
+        scan.header.stamp = self._now().to_msg()
         scan.header.frame_id = "lidar"
         scan.angle_increment = math.tau / room.BEAMS
         scan.angle_min = -math.pi
@@ -87,6 +100,9 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--timeout", type=timeout, default=0.5, metavar="SECONDS|none")
     parser.add_argument("--stamped", action="store_true", help="cmd_vel is a TwistStamped")
+    parser.add_argument(
+        "--ahead", type=float, default=0.0, metavar="SECONDS", help="its clock less the host's"
+    )
     robot = Robot(*parser.parse_known_args())
     spin(robot.node, robot.reset)
 

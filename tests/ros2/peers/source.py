@@ -10,6 +10,7 @@ import time
 from typing import Any
 
 from geometry_msgs.msg import Twist, TwistStamped
+from rclpy.duration import Duration
 
 from tests.ros2.peers.lines import say
 from tests.ros2.peers.ros_node import make_node, qos, spin
@@ -20,7 +21,7 @@ class Source:
 
     def __init__(self, options: argparse.Namespace, ros_arguments: list[str]) -> None:
         self.node = make_node(options.name, ros_arguments)
-        self._stamped = options.stamped
+        self._stamped, self._late = options.stamped, Duration(seconds=options.late)
         profile = qos(depth=options.depth, best_effort=options.best_effort, transient=options.transient)
         self._publisher = self.node.create_publisher(
             TwistStamped if options.stamped else Twist, options.topic, profile
@@ -41,7 +42,7 @@ class Source:
         message = twist
         if self._stamped:
             message = TwistStamped(twist=twist)
-            message.header.stamp = self.node.get_clock().now().to_msg()
+            message.header.stamp = (self.node.get_clock().now() - self._late).to_msg()
         at_ns = time.monotonic_ns()
         self._publisher.publish(message)
         say(at_ns=at_ns, sent=self._velocity)
@@ -52,6 +53,7 @@ def main() -> None:
     parser.add_argument("--name", default="source")
     parser.add_argument("--topic", default="cmd_vel")
     parser.add_argument("--stamped", action="store_true", help="publish TwistStamped")
+    parser.add_argument("--late", type=float, default=0.0, metavar="SECONDS", help="age of the headers")
     parser.add_argument("--rate", type=float, default=20.0, metavar="HZ", help="0: only when a line arrives")
     parser.add_argument("--silent", action="store_true", help="publish nothing before the first line")
     parser.add_argument("--best-effort", action="store_true", help="reliability")

@@ -50,10 +50,11 @@ def test_the_example_names_every_key_of_ros_2_in_comments_because_the_section_it
     lines = text[text.index("# [ros2]") :].splitlines()
     document = tomllib.loads("\n".join(line[2:] for line in lines if re.match(r"# (\[|\w+ = )", line)))
     (source,) = document["ros2"].pop("sources")
-    python = document["ros2"].pop("python")
+    python, stamp = document["ros2"].pop("python"), document["ros2"].pop("stamp")
+    assert Ros2Section(stamped=True, stamp=stamp).stamp == "base"
     assert {**document["ros2"], "sources": []} == _keys(Ros2Section())
     assert python.endswith(".ros2/bin/python")
     assert source.keys() == RosSourceSection.model_fields.keys()
     defaults = {name: field.default for name, field in RosSourceSection.model_fields.items()}
-    assert all(source[name] == defaults[name] for name in ("stamped", "arm"))
+    assert all(source[name] == defaults[name] for name in ("stamped", "clock", "clock_limit_s", "arm"))
     assert Ros2Section.model_validate({**document["ros2"], "sources": [source]})
