@@ -115,7 +115,7 @@ class BaseClock:
             )
         if not self.may_move(now_s):
             why = (
-                "the offset of its clock is not stable (a step, or odometry that is late)"
+                "the offset of its clock is not stable (a step, or odometry that is late or silent)"
                 if self._heard
                 else "no stamped odometry has arrived"
             )
@@ -137,4 +137,4 @@ class BaseClock:
 
 
 def _side(ahead_s: float) -> str:
-    return f"{abs(ahead_s):.3f} s {'ahead of' if ahead_s > 0.0 else 'behind'}"
+    return f"{abs(ahead_s):.2f} s {'ahead of' if ahead_s > 0.0 else 'behind'}"

@@ -15,7 +15,7 @@ from wire.header_clock import HeaderClock, follow, is_simulated
 AGE_UNPROVEN = "age unproven"
 """How the report begins of a source whose commands may all have a constant age."""
 RECENT_S = 2.0
-"""How long a problem is reported after the last refused message."""
+"""How long a problem is reported after the last message that shows it."""
 
 
 class HeaderAge:
@@ -33,7 +33,7 @@ class HeaderAge:
         self._ahead_s = 0.0
         """The newest stamp less the time of its arrival, both by wall clocks."""
         self._is_here = False
-        self._refused_s = -math.inf
+        self._heard_s = self._refused_s = -math.inf
 
     def attend(self, *, is_here: bool) -> None:
         """Begin with a program.
@@ -41,11 +41,12 @@ class HeaderAge:
         Args:
             is_here: whether it is known to run on this host.
         """
-        self._clock, self._is_here, self._refused_s = HeaderClock(), is_here, -math.inf
+        self._clock, self._is_here = HeaderClock(), is_here
+        self._heard_s = self._refused_s = -math.inf
 
     def source_time_ns(self, sample: Sample) -> int | None:
         """Return the source time of a message by the clock of `Sample.source_time_ns`; None if it is refused."""
-        stamp_ns = cdr.header_ns_of(sample.payload)
+        stamp_ns, self._heard_s = cdr.header_ns_of(sample.payload), sample.arrival_s
         self._clock = follow(self._clock, stamp_ns, sample.arrival_s)
         if stamp_ns == 0:
             return sample.source_time_ns
@@ -72,7 +73,7 @@ class HeaderAge:
 
     def problem(self, now_s: float) -> str | None:
         """Return a sentence if messages were refused lately, or if the stamps do not run like real time; None else."""
-        if self._clock.problem:
+        if self._clock.problem and now_s - self._heard_s <= RECENT_S:
             return (
                 f"the stamps of the source {self._name} {self._clock.problem}, so its commands become too old: let "
                 "the program stamp with real time (use_sim_time:=false)"

@@ -115,7 +115,7 @@ class Writer:
         """Write a `std_msgs/msg/Header`.
 
         Args:
-            time_ns: its stamp, by the wall clock.
+            time_ns: its stamp; 0: none.
             frame_id: its frame.
         """
         seconds, nanoseconds = divmod(time_ns, 1_000_000_000)

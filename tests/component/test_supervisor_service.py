@@ -439,7 +439,7 @@ async def test_scans_whose_headers_do_not_run_like_real_time_are_stale_for_a_rea
         lidar.send(topics.SCAN.key, encode(scan), None)
 
     async with rig.supervisor(), rig.source(), rig.every(0.05, put):
-        await rig.pass_time(6.0)
+        await rig.pass_time(6.7)
         status = rig.newest_status
     assert status.causes == ["SCAN_STALE"]
     assert status.scan_problem == status.detail == f"the stamps of the scans' headers {problem}"

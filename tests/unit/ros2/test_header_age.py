@@ -154,6 +154,7 @@ def test_stamps_that_run_too_slowly_are_named_as_the_cause(limit_s: float | None
     driver = Driver(header_age(limit_s))
     driver.stream(0.0, 5.0, by_clock(0.0, rate=0.9))
     assert "run at 0.90 of real time" in (driver.age.problem(driver.robot.now_s) or "")
+    assert driver.age.problem(driver.robot.now_s + 3.0) is None
 
 
 def test_another_program_begins_without_the_problem_of_the_first() -> None:
