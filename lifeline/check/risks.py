@@ -180,12 +180,22 @@ def _of_ros2(ros2: Ros2Section, config: SupervisorSection) -> Iterator[Risk]:
         )
     if ros2.command_timeout_s > Ros2Section().command_timeout_s:
         yield _of_slow_base("ros2", ros2.command_timeout_s, config)
+    if ros2.stamp == "now":
+        yield Risk(
+            '[ros2] stamp = "now"',
+            "If the base's clock is behind this computer's, its own timeout stops the robot later by the difference.",
+        )
     for source in ros2.sources:
         if source.hold_s is not None:
             yield Risk(
                 f"hold_s of {source.name} = {source.hold_s:g}",
                 f"The robot drives up to {held_cm(source.hold_s, config):.0f} cm after the key is released or the program "
                 "hangs, and then brakes.",
+            )
+        if source.clock == "own":
+            yield Risk(
+                f'clock of {source.name} = "own"',
+                "A command that is old by a constant time moves the robot: only the progress of its stamps is judged.",
             )
         if source.arm == "on_request":
             yield Risk(

@@ -297,6 +297,14 @@ def test_what_ros_2_settings_risk_is_named(tmp_path: Path) -> None:
     assert "/lifeline/arm" in risks['arm of path = "on_request"']
 
 
+def test_clocks_that_are_not_compared_are_risks(tmp_path: Path) -> None:
+    text = ROS2.replace("[ros2]", '[ros2]\nstamped = true\nstamp = "now"')
+    text = text.replace("stamped = true, arm", 'stamped = true, clock = "own", arm')
+    risks = {risk.setting: risk.sentence for risk in report(tmp_path, text + FRONT).risks}
+    assert "later by the difference" in risks['[ros2] stamp = "now"']
+    assert "old by a constant time" in risks['clock of path = "own"']
+
+
 def test_the_router_of_rmw_zenoh_is_a_risk_and_the_range_of_dds_then_is_none(tmp_path: Path) -> None:
     text = ROS2.replace("[ros2]", '[ros2]\nrmw = "zenoh"')
     risks = {risk.setting: risk.sentence for risk in report(tmp_path, text + FRONT).risks}
