@@ -19,7 +19,7 @@ from typing import Literal
 
 from ros2.samples import Sample
 from wire import cdr
-from wire.freshness import Sent, Track, Verdict, judge
+from wire.freshness import FALL_TOLERANCE_S, Sent, Track, Verdict, judge
 from wire.header_clock import HeaderClock, follow
 
 STABLE_S = 0.2
@@ -28,6 +28,10 @@ SILENT_S = 0.5
 """Without odometry that confirms the offset for this long, the offset is unproven. Longer than a pause of DDS (0.35 s)."""
 OFFSET_LIMIT_S = 0.1
 """With `now`, a larger offset is reported: it is a large part of the timeout of a usual base (0.25 to 0.5 s)."""
+REPORTED_S = 30.0
+"""How long a change of the offset is reported: long enough to find it after the stop that it caused."""
+MAX_STAMP_NS = (2**31 - 1) * 1_000_000_000
+"""The largest time of a ROS message in whole seconds."""
 EPOCH = b"odom"
 
 Choice = Literal["base", "zero", "now"]
@@ -47,6 +51,10 @@ class BaseClock:
         self._heard = 0
         self._newest_behind_s = 0.0
         self._confirmed_s = -math.inf
+        self._lost_s = -math.inf
+        """When a proven offset was last lost."""
+        self._lost_ahead_s = 0.0
+        """The offset that was lost."""
 
     def hear(self, odometry: Sample) -> None:
         """Process a message of the base's odometry; one without a stamp shows nothing."""
@@ -54,7 +62,8 @@ class BaseClock:
         if stamp_ns == 0:
             return
         self._header = follow(self._header, stamp_ns, arrival_s)
-        if self._track.proven and arrival_s - self._confirmed_s > SILENT_S:
+        was_proven, ahead_s = self._track.proven, self.ahead_s
+        if was_proven and arrival_s - self._confirmed_s > SILENT_S:
             self._track = Track()
         self._heard += 1
         source_time_s = (stamp_ns - odometry.clock_ns) * 1e-9
@@ -63,6 +72,8 @@ class BaseClock:
         self._newest_behind_s = arrival_s - source_time_s
         if verdict is Verdict.FRESH:
             self._confirmed_s = arrival_s
+        if was_proven and not self._track.proven:
+            self._lost_s, self._lost_ahead_s = arrival_s, ahead_s
 
     @property
     def choice(self) -> Choice:
@@ -95,7 +106,7 @@ class BaseClock:
             case "now":
                 return wall_ns
             case "base":
-                return max(0, wall_ns + round(self.ahead_s * 1e9))
+                return min(max(0, wall_ns + round(self.ahead_s * 1e9)), MAX_STAMP_NS)
 
     def shown(self, now_s: float) -> str:
         """Return the state of the base's clock, for the report."""
@@ -123,6 +134,14 @@ class BaseClock:
                 f"{why}, so only zero is commanded: wait until it is stable, then send zero velocity; if it persists, "
                 'synchronise the clocks with NTP, or set stamp = "zero" or "now" in [ros2]'
             )
+        if self.choice == "base" and now_s - self._lost_s <= REPORTED_S:
+            step_s = self.ahead_s - self._lost_ahead_s
+            what = (
+                f"its clock has stepped by {step_s:+.2f} s"
+                if abs(step_s) > FALL_TOLERANCE_S
+                else "its odometry was interrupted, so its clock was unknown"
+            )
+            return f"{what}: zero was commanded; send zero velocity before the robot can move again"
         if self.choice == "now" and self._heard and abs(self.ahead_s) > OFFSET_LIMIT_S:
             effect = (
                 "ignores each command"

@@ -1,8 +1,8 @@
 """Commands in both directions: those of one ROS 2 topic, as the supervisor receives them, and the robot's. Pure.
 
-A program that publishes at a steady rate passes unchanged, with the time at which ROS published each message, or, of a
-TwistStamped, with the stamp of its header. Two kinds
-of program were not written for a watchdog, and their commands are adapted (docs/decisions/0044):
+A program that publishes at a steady rate passes unchanged, with the stamp of the header of a TwistStamped, or else with the
+time at which ROS published the message. Two kinds of program were not written for a watchdog, and their commands are
+adapted (docs/decisions/0044):
 
 * `hold_s`: it publishes only on key events. Each command is repeated for `hold_s`, then neutral is sent.
 * `arm = "on_request"`: it never sends zero. A person's request becomes one neutral command, which arms it.

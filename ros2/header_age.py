@@ -91,7 +91,10 @@ class HeaderAge:
             f"{self._most_s(self._limit_s):g} s, so its commands are refused: "
         )
         if self._is_here:
-            return f"{difference}end what delays them, or let the program stamp each command with the present time"
+            return (
+                f"{difference}end what delays them; if a relay passes stamps of another computer on, synchronise the clocks, or "
+                'set its clock = "own" in [[ros2.sources]]'
+            )
         return (
             f'{difference}synchronise the clocks with NTP, or set its clock = "own" in [[ros2.sources]], which leaves a '
             "constant delay unseen"

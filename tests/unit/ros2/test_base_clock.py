@@ -4,7 +4,15 @@ from collections.abc import Callable
 
 import pytest
 
-from ros2.base_clock import OFFSET_LIMIT_S, SILENT_S, STABLE_S, BaseClock, Choice
+from ros2.base_clock import (
+    MAX_STAMP_NS,
+    OFFSET_LIMIT_S,
+    REPORTED_S,
+    SILENT_S,
+    STABLE_S,
+    BaseClock,
+    Choice,
+)
 from ros2.samples import Sample
 from wire import cdr
 
@@ -107,6 +115,16 @@ def test_a_step_of_the_clock_is_unproven_at_once_until_the_offset_is_stable_agai
     base.run(1.0, ahead_by(step_s))
     assert base.clock.may_move(base.now_s)
     assert base.clock.ahead_s == pytest.approx(step_s, abs=1e-4)
+    assert base.problem.startswith(f"its clock has stepped by {step_s:+.2f} s")
+    assert base.run(REPORTED_S, ahead_by(step_s)).problem == ""
+
+
+def test_a_stamp_fits_into_a_message_whatever_the_odometry_contains() -> None:
+    base = Base().run(1.0, lambda _: 2.0**31 - 1.0)
+    stamp_ns = base.clock.stamp_ns(WALL_NS + 10**12)
+    assert cdr.header_ns_of(cdr.twist_stamped(cdr.STANDSTILL, stamp_ns, "")) == stamp_ns == MAX_STAMP_NS
+    base = Base().run(1.0, lambda _: -(2.0**31))
+    assert base.clock.stamp_ns(WALL_NS) == 0
 
 
 def test_while_the_clock_is_unproven_zero_gets_the_newest_offset() -> None:
@@ -142,6 +160,8 @@ def test_after_a_silence_the_offset_is_proven_anew() -> None:
     assert not base.clock.may_move(base.now_s)
     base.run(1.0, ahead_by(-3.0))
     assert base.clock.ahead_s == pytest.approx(-3.0, abs=1e-4)
+    base.now_s += SILENT_S + 1.0
+    assert base.run(1.0, ahead_by(-3.0)).problem.startswith("its odometry was interrupted")
     assert base.clock.may_move(base.now_s)
 
 
