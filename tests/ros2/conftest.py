@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.ros2.host import ROS_PYTHON, Host, ros_domain
-from tests.ros2.stack import Stack
+from tests.ros2.stack import MakeStack, Stack
 
 
 @pytest.fixture
@@ -31,3 +31,19 @@ def stack(host: Host, tmp_path: Path) -> Generator[Stack]:
     finally:
         made.tidy()
         made.close()
+
+
+@pytest.fixture
+def make_stack(host: Host, tmp_path: Path) -> Generator[MakeStack]:
+    """Lifeline for a robot that the test starts."""
+    made: list[Stack] = []
+
+    def make(ros2: str = "", *observer: str, source: str = "") -> Stack:
+        made.append(Stack(host, tmp_path, ros2, observer, source))
+        return made[-1]
+
+    try:
+        yield make
+    finally:
+        for stack in made:
+            stack.close()

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Protocol
 
 from tests.ros2.host import PATIENCE_S, ROS_PYTHON, Host, Line, Peer
 from tests.system.ports import free_endpoint
@@ -241,6 +242,12 @@ class Stack:
 
     def close(self) -> None:
         self.watch.close()
+
+
+class MakeStack(Protocol):
+    """Returns a stack, with the further lines of `[ros2]`, the options of the observer, and a further key of the source."""
+
+    def __call__(self, ros2: str = "", *observer: str, source: str = "") -> Stack: ...
 
 
 def send(peer: Peer, number: signal.Signals) -> int:

@@ -1,34 +1,16 @@
 """Clocks that differ: a base that checks stamps, and a source with old headers."""
 
-import subprocess
 import time
-from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pytest
 
 from tests.ros2.host import Host
-from tests.ros2.stack import SOURCE, SPEED_M_S, Stack
+from tests.ros2.stack import SOURCE, SPEED_M_S, MakeStack
 from tests.ros2.test_variants import check_base
 
 AHEAD_S = 5.0
 BASE_TIMEOUT_MS, BRAKING_MS, MARGIN_MS = 500.0, 300.0, 250.0
-MakeStack = Callable[..., Stack]
-
-
-@pytest.fixture
-def make_stack(host: Host, tmp_path: Path) -> Generator[MakeStack]:
-    made: list[Stack] = []
-
-    def make(ros2: str, *observer: str, source: str = "") -> Stack:
-        made.append(Stack(host, tmp_path, ros2, observer, source))
-        return made[-1]
-
-    try:
-        yield make
-    finally:
-        for stack in made:
-            stack.close()
 
 
 @pytest.mark.parametrize("ahead_s", [AHEAD_S, -AHEAD_S])
@@ -63,7 +45,7 @@ def test_check_base_names_the_clock_as_the_cause(
     host: Host, tmp_path: Path, ahead_s: float, code: int, part: str
 ) -> None:
     host.start("diff_drive", "--stamped", f"--ahead={ahead_s}").ready()
-    done: subprocess.CompletedProcess[str] = check_base(host, tmp_path, 'stamped = true\nstamp = "now"')
+    done = check_base(host, tmp_path, 'stamped = true\nstamp = "now"')
     assert f"{part} this computer's" in done.stdout, done.stdout + done.stderr
     assert done.returncode == code
 

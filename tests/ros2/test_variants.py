@@ -2,31 +2,14 @@
 
 import subprocess
 import sys
-from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pytest
 
 from tests.ros2.host import ROOT, Host
-from tests.ros2.stack import SPEED_M_S, Stack
+from tests.ros2.stack import SPEED_M_S, MakeStack
 
-MakeStack = Callable[..., Stack]
 CHECK_LIMIT_S = 60.0
-
-
-@pytest.fixture
-def make_stack(host: Host, tmp_path: Path) -> Generator[MakeStack]:
-    made: list[Stack] = []
-
-    def make(ros2: str = "", *observer: str) -> Stack:
-        made.append(Stack(host, tmp_path, ros2, observer))
-        return made[-1]
-
-    try:
-        yield make
-    finally:
-        for stack in made:
-            stack.close()
 
 
 def test_a_stamped_robot_in_a_namespace_is_driven_and_stopped(host: Host, make_stack: MakeStack) -> None:
