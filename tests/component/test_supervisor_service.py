@@ -418,14 +418,25 @@ async def test_odometry_that_is_not_finite_displaces_none_and_is_no_writer() -> 
         assert rig.newest_status.reasons == []
 
 
+def _slow_ns(now_s: float) -> int:
+    return round(1.7e18 + 0.9e9 * now_s)
+
+
+def _whole_ns(now_s: float) -> int:
+    return int(1.7e9 + now_s) * 1_000_000_000
+
+
+def _constant_ns(_: float) -> int:
+    return 1_700_000_000_500_000_000
+
+
 @pytest.mark.parametrize(
     ("stamp_ns", "problem"),
     [
-        (lambda now_s: round(1.7e18 + 0.9e9 * now_s), "run at 0.90 of real time"),
-        (lambda now_s: int(1.7e9 + now_s) * 1_000_000_000, "are whole seconds"),
-        (lambda _: 1_700_000_000_500_000_000, "do not change"),
+        (_slow_ns, "run at 0.90 of real time"),
+        (_whole_ns, "are whole seconds"),
+        (_constant_ns, "do not change"),
     ],
-    ids=["slow", "whole", "constant"],
 )
 async def test_scans_whose_headers_do_not_run_like_real_time_are_stale_for_a_reason_that_is_named(
     stamp_ns: Callable[[float], int], problem: str

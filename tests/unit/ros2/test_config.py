@@ -148,9 +148,11 @@ def test_the_stamp_of_commands_needs_a_type_that_has_one(value: str) -> None:
 def test_the_clock_of_a_source_needs_a_type_with_a_stamp() -> None:
     assert ros2(sources=[source(stamped=True, clock="own")]).sources[0].clock == "own"
     assert ros2(sources=[source(stamped=True)]).sources[0].clock_limit_s == 1.0
-    for value in ({"clock": "own"}, {"clock_limit_s": 0.5}):
-        message = refusal(sources=[source(**value)])
-        assert f"ros2.sources.0.{next(iter(value))}" in message
+    for key, message in (
+        ("clock", refusal(sources=[source(clock="own")])),
+        ("clock_limit_s", refusal(sources=[source(clock_limit_s=0.5)])),
+    ):
+        assert f"ros2.sources.0.{key}" in message
         assert "needs stamped = true" in message
 
 

@@ -32,13 +32,29 @@ def hear(
     return headers
 
 
+def slow(passed_s: float) -> float:
+    return BEGAN_S + 0.9 * passed_s
+
+
+def constant(_: float) -> float:
+    return BEGAN_S
+
+
+def whole(passed_s: float) -> float:
+    return float(int(BEGAN_S + passed_s))
+
+
+def simulated(passed_s: float) -> float:
+    return 12.5 + 0.9 * passed_s
+
+
 @pytest.mark.parametrize(
     ("stamp_s", "problem"),
     [
-        (lambda t: BEGAN_S + 0.9 * t, "run at 0.90 of real time"),
-        (lambda _: BEGAN_S, "do not change"),
-        (lambda t: float(int(BEGAN_S + t)), "are whole seconds"),
-        (lambda t: 12.5 + 0.9 * t, "run at 0.90 of real time (simulated time)"),
+        (slow, "run at 0.90 of real time"),
+        (constant, "do not change"),
+        (whole, "are whole seconds"),
+        (simulated, "run at 0.90 of real time (simulated time)"),
     ],
 )
 def test_stamps_that_do_not_run_like_real_time_are_the_problem(
@@ -55,9 +71,9 @@ def test_stamps_in_real_time_and_undecodable_scans_are_no_problem() -> None:
 
 def test_with_an_attachment_the_stamps_of_headers_do_not_matter() -> None:
     attachment = Stamp(1, 1, b"A" * 16)
-    assert hear(ScanHeaders(["lidar"]), lambda _: BEGAN_S, attachment=attachment).problem == ""
+    assert hear(ScanHeaders(["lidar"]), constant, attachment=attachment).problem == ""
 
 
 def test_of_several_lidars_the_one_with_the_problem_is_named() -> None:
-    headers = hear(ScanHeaders(["front", "rear"]), lambda _: BEGAN_S, place=1)
+    headers = hear(ScanHeaders(["front", "rear"]), constant, place=1)
     assert headers.problem == "rear: the stamps of the scans' headers do not change"
