@@ -19,8 +19,8 @@ from typing import Literal
 
 from ros2.samples import Sample
 from wire import cdr
-from wire.freshness import FALL_TOLERANCE_S, Sent, Track, Verdict, judge
-from wire.header_clock import HeaderClock, follow
+from wire.freshness import Sent, Track, Verdict, judge
+from wire.header_clock import HeaderClock, in_words
 
 STABLE_S = 0.2
 """Time for which the offset must be stable, and the largest delay of odometry that confirms it."""
@@ -49,7 +49,7 @@ class BaseClock:
         self._track = Track()
         self._header = HeaderClock()
         self._heard = 0
-        self._newest_behind_s = 0.0
+        """Number of stamped messages of odometry."""
         self._confirmed_s = -math.inf
         self._lost_s = -math.inf
         """When a proven offset was last lost."""
@@ -61,15 +61,13 @@ class BaseClock:
         stamp_ns, arrival_s = cdr.header_ns_of(odometry.payload), odometry.arrival_s
         if stamp_ns == 0:
             return
-        self._header = follow(self._header, stamp_ns, arrival_s)
+        self._header.hear(stamp_ns, arrival_s)
         was_proven, ahead_s = self._track.proven, self.ahead_s
         if was_proven and arrival_s - self._confirmed_s > SILENT_S:
             self._track = Track()
         self._heard += 1
-        source_time_s = (stamp_ns - odometry.clock_ns) * 1e-9
-        sent = Sent(EPOCH, self._heard, source_time_s)
+        sent = Sent(EPOCH, self._heard, (stamp_ns - odometry.clock_ns) * 1e-9)
         self._track, verdict, _ = judge(self._track, sent, arrival_s, STABLE_S)
-        self._newest_behind_s = arrival_s - source_time_s
         if verdict is Verdict.FRESH:
             self._confirmed_s = arrival_s
         if was_proven and not self._track.proven:
@@ -83,7 +81,7 @@ class BaseClock:
     @property
     def ahead_s(self) -> float:
         """The base's clock less this computer's; a delay of its odometry makes it smaller. 0 before any stamped odometry."""
-        return -(self._track.baseline_s if self._track.proven else self._newest_behind_s)
+        return -self._track.baseline_s
 
     def is_proven(self, now_s: float) -> bool:
         """Return whether the base's clock is known."""
@@ -112,7 +110,7 @@ class BaseClock:
         """Return the state of the base's clock, for the report."""
         if not self._heard:
             return "unknown: no stamped odometry"
-        return f"{_side(self.ahead_s)} this computer's{'' if self.is_proven(now_s) else ', unproven'}"
+        return f"{in_words(self.ahead_s)}{'' if self.is_proven(now_s) else ', unproven'}"
 
     def problem(self, now_s: float) -> str | None:
         """Return a sentence if commands cannot be stamped as the base expects; None if they can."""
@@ -120,40 +118,24 @@ class BaseClock:
             return None
         if self._header.problem:
             return (
-                f"the stamps of the base's odometry {self._header.problem}, so its clock does not run like real time"
+                f"the stamps of the base's odometry {self._header.problem}, so they do not show the base's clock"
                 f"{'' if self.may_move(now_s) else ' and only zero is commanded'}: let its driver stamp with real time, or "
                 'set stamp = "zero" in [ros2] if its controller then takes its own time'
             )
         if not self.may_move(now_s):
-            why = (
-                "the offset of its clock is not stable (a step, or odometry that is late or silent)"
-                if self._heard
-                else "no stamped odometry has arrived"
-            )
             return (
-                f"{why}, so only zero is commanded: wait until it is stable, then send zero velocity; if it persists, "
-                'synchronise the clocks with NTP, or set stamp = "zero" or "now" in [ros2]'
+                "the base's clock is unknown (no stamped odometry, a step, or odometry that is late), so only zero is "
+                'commanded: if this persists, synchronise the clocks with NTP, or set stamp = "zero" or "now" in [ros2]'
             )
         if self.choice == "base" and now_s - self._lost_s <= REPORTED_S:
-            step_s = self.ahead_s - self._lost_ahead_s
-            what = (
-                f"its clock has stepped by {step_s:+.2f} s"
-                if abs(step_s) > FALL_TOLERANCE_S
-                else "its odometry was interrupted, so its clock was unknown"
-            )
-            return f"{what}: zero was commanded; send zero velocity before the robot can move again"
-        if self.choice == "now" and self._heard and abs(self.ahead_s) > OFFSET_LIMIT_S:
-            effect = (
-                "ignores each command"
-                if self.ahead_s > 0.0
-                else "keeps its last command for longer by this time"
-            )
             return (
-                f"the base's clock is {_side(self.ahead_s)} this computer's, so a base that checks stamps {effect}: set "
+                "the base's clock was unknown for a moment, and since then it has changed by "
+                f"{self.ahead_s - self._lost_ahead_s:+.2f} s: zero was commanded, so send zero velocity before the robot can move again"
+            )
+        if self.choice == "now" and abs(self.ahead_s) > OFFSET_LIMIT_S:
+            effect = "ignores each command" if self.ahead_s > 0.0 else "keeps its last command for longer"
+            return (
+                f"the base's clock is {in_words(self.ahead_s)}, so a base that checks stamps {effect}: set "
                 'stamp = "base" in [ros2], or synchronise the clocks with NTP'
             )
         return None
-
-
-def _side(ahead_s: float) -> str:
-    return f"{abs(ahead_s):.2f} s {'ahead of' if ahead_s > 0.0 else 'behind'}"

@@ -11,7 +11,7 @@ import time
 from collections.abc import Awaitable, Callable
 
 from ros2 import ros
-from ros2.base_clock import BaseClock, Choice
+from ros2.base_clock import BaseClock
 from ros2.commands import message
 from ros2.config import Ros2Section
 from ros2.reports import clause
@@ -37,12 +37,6 @@ MakeNode = Callable[[Callable[[BaseException], None]], Awaitable[Ros]]
 """Returns the node; its argument is called on any thread with an exception of a callback."""
 
 EXIT_NO_TIMEOUT, EXIT_NOT_MEASURED = 1, 3
-STAMPS: dict[Choice, str] = {
-    "base": "stamps by the clock of its odometry",
-    "zero": "stamps of zero",
-    "now": "stamps by this computer's clock",
-}
-"""What is written into a TwistStamped, for people."""
 
 
 async def check_base(
@@ -102,8 +96,8 @@ class _Check:
         await self._until(lambda: False, DISCOVERY_S)
         if rival := self._rival():
             return self._not_measured(rival)
-        if self._config.stamped and not self._clock.may_move(self._loop.time()):
-            return self._not_measured(self._clock_problem())
+        if not self._clock.may_move(self._loop.time()):
+            return self._not_measured(self._clock.problem(self._loop.time()) or "")
         if not self._node.subscriptions(self._topic):
             return self._not_measured(f"no node listens on {self._topic}: correct cmd_vel in [ros2]")
         print(
@@ -148,52 +142,37 @@ class _Check:
             await self._until(lambda: False, PERIOD_S)
         silent_s = self._loop.time()
         if abs(self._turn_rad_s) < MOVING_RAD_S:
+            cause = self._clock_problem(ahead=True) or (
+                f"check its e-stop, and whether the base expects {twist_type(stamped=not self._config.stamped)} "
+                "(stamped in [ros2])"
+            )
             return self._not_measured(
-                f"the robot did not turn (odometry: {self._turn_rad_s:.2f} rad/s): {self._why_at_rest()}"
+                f"the robot did not turn (odometry: {self._turn_rad_s:.2f} rad/s): {cause}"
             )
         print("commands have ended without a zero")
         if await self._until(lambda: abs(self._turn_rad_s) < STANDING_RAD_S, STOP_LIMIT_S):
             took_s = self._loop.time() - silent_s
             print(f"the base stood {took_s:.2f} s after its last command: it has a timeout of its own")
-            if took_s > GOOD_S and (clocks := self._behind()):
-                print(clocks)
-            elif took_s > GOOD_S:
-                print(
-                    f"more than {GOOD_S:g} s is long: reduce the cmd_vel timeout of the base's controller, to 0.25 s for example"
+            if took_s > GOOD_S:
+                remedy = self._clock_problem(ahead=False) or (
+                    "reduce the cmd_vel timeout of the base's controller, to 0.25 s for example"
                 )
+                print(f"more than {GOOD_S:g} s is long: {remedy}")
             return 0
         if self._stop.is_set():
             return self._not_measured("ended by a signal")
-        if clocks := self._behind():
-            print(
-                f"the base still moved {STOP_LIMIT_S:g} s after its last command: {clocks}; then measure again"
-            )
-            return EXIT_NO_TIMEOUT
-        print(
-            f"the base still moved {STOP_LIMIT_S:g} s after its last command: it keeps its last command without a limit, or for too long. "
-            "If Lifeline's computer dies while the robot moves, nothing stops it. Set the cmd_vel timeout of the base's controller "
-            "(ros2_control: cmd_vel_timeout, in s; it must not be 0.0, which switches the timeout off)"
+        cause = self._clock_problem(ahead=False) or (
+            "it keeps its last command without a limit, or for too long. If Lifeline's computer dies while the robot "
+            "moves, nothing stops it. Set the cmd_vel timeout of the base's controller (ros2_control: cmd_vel_timeout, in "
+            "s; it must not be 0.0, which switches the timeout off)"
         )
+        print(f"the base still moved {STOP_LIMIT_S:g} s after its last command: {cause}")
         return EXIT_NO_TIMEOUT
 
-    def _clock_problem(self) -> str:
-        """Return why the commands' stamps are not those that the base expects; empty if they are, or if there are none."""
-        return (self._clock.problem(self._loop.time()) or "") if self._config.stamped else ""
-
-    def _behind(self) -> str:
-        """Return why the base holds its last command for too long, if its clock is the cause; else empty."""
-        return self._clock_problem() if self._clock.ahead_s < 0.0 else ""
-
-    def _why_at_rest(self) -> str:
-        if self._clock.ahead_s > 0.0 and (clocks := self._clock_problem()):
-            return clocks
-        stamps = (
-            f", and accepts {STAMPS[self._clock.choice]} (stamp in [ros2])" if self._config.stamped else ""
-        )
-        return (
-            "check its e-stop, and whether the base expects "
-            f"{twist_type(stamped=not self._config.stamped)} (stamped in [ros2]){stamps}"
-        )
+    def _clock_problem(self, *, ahead: bool) -> str | None:
+        """Return what is wrong with the stamps of commands, if the base's clock is ahead or behind; else None."""
+        is_so = (self._clock.ahead_s > 0.0) is ahead
+        return self._clock.problem(self._loop.time()) if is_so else None
 
     async def _until(self, holds: Callable[[], bool], limit_s: float) -> bool:
         """Follow odometry until a condition holds; return whether it did within the limit and before a signal."""
@@ -202,7 +181,8 @@ class _Check:
             await woken_by(self._wake, min(end_s, self._loop.time() + PERIOD_S))
             self._wake.clear()
             for sample in self._odom.take():
-                self._clock.hear(sample)
+                if self._config.stamped:
+                    self._clock.hear(sample)
                 motion = cdr.unpack_motion(sample.payload)
                 if motion is not None and math.isfinite(motion.angular_rad_s):
                     self._turn_rad_s = motion.angular_rad_s

@@ -6,7 +6,6 @@ Reports are written as CDR without rclpy; tests/unit/ros2/test_diagnostics.py co
 from collections.abc import Sequence
 
 from ros2.config import RosSourceSection
-from ros2.header_age import AGE_UNPROVEN
 from ros2.presence import Programs
 from ros2.ros import BOOL, Endpoint, Level, Report
 from ros2.status import Status
@@ -87,7 +86,7 @@ def source_report(
     return _report(
         name,
         problems,
-        f"{names(live)} on {topic}, guarded by {guards}{hold}{f'; {age}' if age.startswith(AGE_UNPROVEN) else ''}",
+        f"{names(live)} on {topic}, guarded by {guards}{hold}",
         [
             ("topic", f"{topic} ({programs.type_name})"),
             ("node", names(live)),

@@ -127,7 +127,7 @@ class Ros2Service:
         self._base = Base(config.command_timeout_s)
         self._base_clock = BaseClock(config.stamp)
         self._odometry: Inbox[Sample] = Inbox(ODOM_DEPTH, None)
-        """For the base's clock; it wakes nothing, because the base is served often enough."""
+        """Of a base that listens to TwistStamped, for its clock. It wakes nothing: the base is served often enough."""
         self._sensors = [
             self._sensor(f"scan {topic}", topic, ros.LASER_SCAN, topics.lidar_scan(on_wire))
             for topic, on_wire in zip(config.scans, lidar_topics, strict=True)
@@ -271,14 +271,11 @@ class Ros2Service:
             may_move = self._base_clock.may_move(now_s)
             self._publish(self._base.target(now_s, repeated=not commands, may_move=may_move))
             if self._base.reason is not before:
-                why = self._clock_problem(now_s)
+                why = self._base_clock.problem(now_s)
                 _log.info("base: %s%s", _base_text(self._base.reason), f": {why}" if why else "")
 
     def _publish(self, velocity: cdr.Planar) -> None:
         self._cmd_vel(message(velocity, self._config, self._base_clock.stamp_ns(time.time_ns())))
-
-    def _clock_problem(self, now_s: float) -> str | None:
-        return self._base_clock.problem(now_s) if self._config.stamped else None
 
     def _serve_sources(self) -> None:
         for feed in self._feeds:
@@ -313,7 +310,7 @@ class Ros2Service:
                     _base_text(self._base.reason),
                     own_node=self._node.name,
                     clock=self._base_clock.shown(now_s) if self._config.stamped else "",
-                    clock_problem=self._clock_problem(now_s),
+                    clock_problem=self._base_clock.problem(now_s),
                 ),
             )
         elif now_s >= self._next_poll_s:
@@ -401,7 +398,7 @@ class Ros2Service:
 
     def _source_report(self, feed: _Feed) -> Report:
         headers = feed.source.headers
-        problem = None if headers is None else headers.problem(self._loop.time())
+        problem = headers.problem if headers is not None and feed.source.present else None
         return source_report(
             feed.section,
             feed.programs,

@@ -9,7 +9,7 @@ from wire import messages as ros
 from wire.access import NODE_TOKENS
 from wire.bus import Arrival
 from wire.freshness import Sent
-from wire.header_clock import HeaderClock, follow
+from wire.header_clock import HeaderClock
 from wire.stamp import Stamp
 
 HEADER_EPOCH = b"header"
@@ -71,31 +71,29 @@ def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float, lidar: i
 
 
 class ScanHeaders:
-    """Whether the headers of scans without an attachment are stamped in real time, for people.
+    """Finds stamps of scans' headers that do not run like real time, for people; a scan with an attachment needs none.
 
     Args:
         lidars: the names of the lidars.
     """
 
     def __init__(self, lidars: Sequence[str]) -> None:
-        self._clocks = dict.fromkeys(range(len(lidars)), HeaderClock())
-        self._names = lidars
+        self._clocks = [(name, HeaderClock()) for name in lidars]
 
-    def hear(self, place: int, arrivals: Sequence[Arrival[ros.LaserScan]]) -> None:
+    def hear(self, lidar: int, arrivals: Sequence[Arrival[ros.LaserScan]]) -> None:
         """Process the scans of one lidar, given by its index."""
         for scan, arrival_s, attachment in arrivals:
             if scan is not None:
                 stamp = scan.header.stamp
                 stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec if attachment is None else 0
-                self._clocks[place] = follow(self._clocks[place], stamp_ns, arrival_s)
+                self._clocks[lidar][1].hear(stamp_ns, arrival_s)
 
     @property
     def problem(self) -> str:
-        """Why scans become too old although they arrive in time; empty if their stamps do not show it."""
-        alone = len(self._names) == 1
+        """Why scans that arrive are too old; empty if their stamps do not show it."""
         return "; ".join(
-            f"{'' if alone else f'{self._names[place]}: '}the stamps of the scans' headers {clock.problem}"
-            for place, clock in self._clocks.items()
+            f"the stamps of the {name}'s scans {clock.problem}"
+            for name, clock in self._clocks
             if clock.problem
         )
 

@@ -330,10 +330,8 @@ class SupervisorService:
         status = to_status(decision, now_s, record.problem, self._foreign_nodes.names())
         if StopReason.ESTOP in decision.causes and record.by and not self._state.stations.pressed:
             status.detail = f"{record.by}; {decision.detail}" if decision.detail else record.by
-        if StopReason.SCAN_STALE in decision.causes and (stamps := self._scan_headers.problem):
-            status.scan_problem = status.scan_problem or stamps
-            if decision.causes[0] is StopReason.SCAN_STALE:
-                status.detail = stamps
+        if decision.causes[:1] == (StopReason.SCAN_STALE,):
+            status.detail = self._scan_headers.problem or decision.detail
         self._status.put(status)
 
     async def _on_reset(self, _: str) -> TriggerResponse:

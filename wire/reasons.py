@@ -108,7 +108,7 @@ WORDS: Mapping[StopReason, Words] = {
         now="there is no fresh scan",
         over="there was no fresh scan",
         caption="no fresh scan",
-        step="wait for the lidar, NEUTRAL",
+        step="check the lidar, NEUTRAL",
     ),
     StopReason.SOURCE_LOST: Words(
         now="the connection to WHO was lost",

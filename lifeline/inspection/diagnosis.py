@@ -17,9 +17,8 @@ from lifeline.inspection.nodes import Node, describe
 from lifeline.inspection.traffic import Traffic
 from supervisor.config import SupervisorSection
 from wire import topics
-from wire.header_clock import is_simulated
 from wire.messages import SafetyStatus
-from wire.reasons import StopReason, words_of
+from wire.reasons import words_of
 from wire.text import printable
 from wire.topics import ANYONE, Topic
 
@@ -113,8 +112,6 @@ class Observed:
     traffic: Traffic = field(default_factory=Traffic)
     known: dict[str, Topic[Any]] = field(default_factory=dict[str, Topic[Any]])
     status: SafetyStatus | None = None
-    header_s: dict[str, float] = field(default_factory=dict[str, float])
-    """By key: the header's stamp."""
     header_offset_s: dict[str, float] = field(default_factory=dict[str, float])
     """By key: the header's stamp less this machine's wall clock at arrival."""
     terminal: Terminal | None = None
@@ -342,19 +339,12 @@ def _clocks(seen: Observed) -> Iterator[Finding]:
     if seen.traffic.uncounted:
         return
     for key, offset_s in seen.header_offset_s.items():
-        if abs(offset_s) <= CLOCK_LIMIT_S:
-            continue
-        if is_simulated(seen.header_s[key]):
-            yield note(
-                "clocks",
-                f"the header of {key} has simulated time, a time since a start, or no stamp",
-                "let its driver stamp in real time (use_sim_time:=false)",
-            )
-        else:
+        if abs(offset_s) > CLOCK_LIMIT_S:
             yield note(
                 "clocks",
                 f"the header of {key} is {abs(offset_s):.1f} s {'ahead of' if offset_s > 0 else 'behind'} this clock",
-                "synchronise the clocks with NTP; the law itself does not use them, but a base that checks stamps does",
+                "synchronise the clocks with NTP, or let its driver stamp in real time (use_sim_time:=false); the law itself does "
+                "not compare clocks, but a base that checks stamps does",
             )
     if seen.header_offset_s and all(abs(one) <= CLOCK_LIMIT_S for one in seen.header_offset_s.values()):
         yield ok("clocks", "the headers agree with this machine's clock")
@@ -370,8 +360,14 @@ def _stop(seen: Observed) -> Iterator[Finding]:
     neutral = GO_NEUTRAL if _present(seen) or not _sources(seen) else "start a command source"
     if status.mode != SafetyStatus.STOPPED:
         yield ok("mode", f"{mode}: {_who(status)}")
-    yield from _causes(status, neutral)
-    for name in status.causes_and_latched()[1]:
+    causes, latched = status.causes_and_latched()
+    for name in causes:
+        words = words_of(name)
+        detail = f": {status.detail}" if name == causes[0] and status.detail else ""
+        what = name if words is None else f"{name}: {words.now.replace('WHO', _who(status))}"
+        remedy = "" if words is None else words.step.replace("NEUTRAL", neutral)
+        yield problem("stop", printable(f"{what}{detail}"), remedy)
+    for name in latched:
         words = words_of(name)
         what = name if words is None else f"{name}: {words.over}"
         yield problem("latched", printable(f"{what}. Over now"), f"{neutral}: it sends zero")
@@ -394,26 +390,6 @@ def _stop(seen: Observed) -> Iterator[Finding]:
         )
     if status.alarm:
         yield problem("alarm", "the base moves although zero is commanded", "cut the robot's power")
-
-
-def _causes(status: SafetyStatus, neutral: str) -> Iterator[Finding]:
-    """Yield what stops the robot now.
-
-    Args:
-        status: the newest status.
-        neutral: how a neutral command is sent.
-    """
-    causes = status.causes_and_latched()[0]
-    for name in causes:
-        words = words_of(name)
-        detail = f": {status.detail}" if name == causes[0] and status.detail else ""
-        what = name if words is None else f"{name}: {words.now.replace('WHO', _who(status))}"
-        remedy = "" if words is None else words.step.replace("NEUTRAL", neutral)
-        if name == StopReason.SCAN_STALE and detail:  # its only detail is that of the headers' stamps
-            remedy = (
-                f"let the lidar's driver or bridge stamp scans in real time (use_sim_time:=false), {neutral}"
-            )
-        yield problem("stop", printable(f"{what}{detail}"), remedy)
 
 
 def _stations(status: SafetyStatus) -> Iterator[Finding]:

@@ -132,9 +132,10 @@ async def _listen(seen: Observed, robot: Robot, seconds: float) -> None:
         (topics.ODOM, observer.odometry),
     ):
         if message is not None:
-            key, stamp = f"{robot.namespace}/{topic.key}", message.header.stamp
-            seen.header_s[key] = stamp.sec + stamp.nanosec * 1e-9
-            seen.header_offset_s[key] = seen.header_s[key] - time.time()
+            stamp = message.header.stamp
+            seen.header_offset_s[f"{robot.namespace}/{topic.key}"] = (
+                stamp.sec + stamp.nanosec * 1e-9 - time.time()
+            )
     try:
         seen.nodes = await robot.nodes()
     except DeployError:

@@ -433,7 +433,7 @@ def _constant_ns(_: float) -> int:
 @pytest.mark.parametrize(
     ("stamp_ns", "problem"),
     [
-        (_slow_ns, "run at 0.90 of real time"),
+        (_slow_ns, "run at 0.90 of real time, or their delay grows"),
         (_whole_ns, "are whole seconds"),
         (_constant_ns, "do not change"),
     ],
@@ -453,4 +453,4 @@ async def test_scans_whose_headers_do_not_run_like_real_time_are_stale_for_a_rea
         await rig.pass_time(6.7)
         status = rig.newest_status
     assert status.causes == ["SCAN_STALE"]
-    assert status.scan_problem == status.detail == f"the stamps of the scans' headers {problem}"
+    assert status.detail == f"the stamps of the lidar's scans {problem}"

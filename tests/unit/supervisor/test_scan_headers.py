@@ -51,16 +51,16 @@ def simulated(passed_s: float) -> float:
 @pytest.mark.parametrize(
     ("stamp_s", "problem"),
     [
-        (slow, "run at 0.90 of real time"),
+        (slow, "run at 0.90 of real time, or their delay grows"),
         (constant, "do not change"),
         (whole, "are whole seconds"),
-        (simulated, "run at 0.90 of real time (simulated time)"),
+        (simulated, "run at 0.90 of real time, or their delay grows (simulated time)"),
     ],
 )
 def test_stamps_that_do_not_run_like_real_time_are_the_problem(
     stamp_s: Callable[[float], float], problem: str
 ) -> None:
-    assert hear(ScanHeaders(["lidar"]), stamp_s).problem == f"the stamps of the scans' headers {problem}"
+    assert hear(ScanHeaders(["lidar"]), stamp_s).problem == f"the stamps of the lidar's scans {problem}"
 
 
 def test_stamps_in_real_time_and_undecodable_scans_are_no_problem() -> None:
@@ -76,4 +76,4 @@ def test_with_an_attachment_the_stamps_of_headers_do_not_matter() -> None:
 
 def test_of_several_lidars_the_one_with_the_problem_is_named() -> None:
     headers = hear(ScanHeaders(["front", "rear"]), constant, place=1)
-    assert headers.problem == "rear: the stamps of the scans' headers do not change"
+    assert headers.problem == "the stamps of the rear's scans do not change"

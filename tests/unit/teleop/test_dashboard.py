@@ -93,7 +93,7 @@ def test_a_silence_is_reported_as_a_person_would() -> None:
 def test_what_is_over_stands_after_what_holds() -> None:
     first, second, *_ = shown(driving(over("OVERRUN", causes=("SCAN_STALE",), scan_age_s=0.4))).splitlines()
     assert first.rstrip() == " STOPPED: the newest scan is 0.4 s old"
-    assert second.startswith(" > wait for the lidar, press s ")
+    assert second.startswith(" > check the lidar, press s ")
     assert second.endswith(" SCAN_STALE (over: OVERRUN) ")
 
 

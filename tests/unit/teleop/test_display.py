@@ -126,8 +126,8 @@ def test_a_stop_whose_causes_are_over_fits_80_columns_beside_what_is_asked_for(r
 
 def test_causes_that_hold_come_first_and_what_is_over_is_marked() -> None:
     newest = status(SafetyStatus.STOPPED, reasons=OVERS, causes=["SCAN_STALE"], latched=["OVERRUN"])
-    assert "STOPPED: SCAN_STALE, OVERRUN (over) - wait for the lidar, press s" in shown(newest, width=120)
-    assert "STOPPED: SCAN_STALE +1 - wait for the lidar, press s" in shown(newest)
+    assert "STOPPED: SCAN_STALE, OVERRUN (over) - check the lidar, press s" in shown(newest, width=120)
+    assert "STOPPED: SCAN_STALE +1 - check the lidar, press s" in shown(newest)
 
 
 def test_who_only_looks_on_is_shown_who_can_drive_again() -> None:

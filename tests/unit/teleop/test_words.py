@@ -46,7 +46,7 @@ STEPS = {
     "BASE_UNRESPONSIVE": "check the base and its e-stop, press s",
     "ODOM_STALE": "wait for odometry, press s",
     "SCAN_INVALID": "check the lidar, press s",
-    "SCAN_STALE": "wait for the lidar, press s",
+    "SCAN_STALE": "check the lidar, press s",
     "SOURCE_LOST": "press s to re-arm",
     "COMMAND_INVALID": "press s to re-arm",
     "COMMAND_STALE": "press s to re-arm",
