@@ -1,4 +1,4 @@
-"""Clocks that differ: a base that checks stamps, and a source with old headers."""
+"""Clocks that differ: a base that checks stamps, and sources and relays with old headers."""
 
 import time
 from pathlib import Path
@@ -6,10 +6,13 @@ from pathlib import Path
 import pytest
 
 from tests.ros2.host import Host
-from tests.ros2.stack import SOURCE, SPEED_M_S, MakeStack
+from tests.ros2.stack import SOURCE, SPEED_M_S, TOPIC, MakeStack
 from tests.ros2.test_variants import check_base
 
 AHEAD_S = 5.0
+RELAYED, SOURCE_HZ = "/relayed_vel", 20.0
+REST_S = 2.0
+"""0.4 s until the age is the command timeout, the timeout itself, and the braking; the rest is margin."""
 BASE_TIMEOUT_MS, BRAKING_MS, MARGIN_MS = 500.0, 300.0, 250.0
 
 
@@ -21,8 +24,28 @@ def test_a_base_with_another_clock_drives_and_stops_by_its_own_timeout(
     stack = make_stack("stamped = true", "--stamped")
     source = stack.source()
     stack.drive(source)
+    stack.supervisor.kill()
     took_ms = stack.rest_after(stack.bridge.kill())
     assert took_ms < BASE_TIMEOUT_MS + BRAKING_MS + MARGIN_MS
+
+
+@pytest.mark.parametrize("step_s", [AHEAD_S, -AHEAD_S])
+def test_a_step_of_the_bases_clock_stops_the_robot_until_a_neutral_command(
+    host: Host, make_stack: MakeStack, step_s: float
+) -> None:
+    base = host.start("diff_drive", "--stamped").ready()
+    stack = make_stack("stamped = true", "--stamped")
+    source = stack.source()
+    stack.drive(source)
+    base.tell(ahead=step_s)
+    stack.rest_after(time.monotonic_ns())
+    report = stack.watch.report("cmd_vel", "it has changed by")
+    assert f"{step_s:+.2f} s" in report.message
+    stack.watch.until(
+        lambda watch: watch.status is not None and "BASE_UNRESPONSIVE" in watch.status.reasons, "the reason"
+    )
+    stack.stays_at_rest()
+    stack.drive(source)
 
 
 def test_a_base_that_takes_its_own_time_for_stamps_of_zero_drives(host: Host, make_stack: MakeStack) -> None:
@@ -70,3 +93,18 @@ def test_a_source_whose_headers_are_10_s_old_moves_nothing_and_is_named(
     source.end()
     fresh = stack.source("--stamped", name="fresh")
     stack.drive(fresh)
+
+
+def test_a_slow_backlog_of_a_relay_that_keeps_the_headers_stops_the_robot(
+    host: Host, make_stack: MakeStack
+) -> None:
+    host.start("diff_drive").ready()
+    stack = make_stack("", source="stamped = true")
+    relay = host.start("relay", "--stamped", "--from", RELAYED, "--to", TOPIC).ready()
+    source = stack.source("--stamped", topic=RELAYED)
+    stack.drive(source)
+    # From now on, the age of what arrives grows by half of the time, while the relay's own stamps are fresh.
+    relay.tell(period_s=2 / SOURCE_HZ)
+    stack.rest_after(time.monotonic_ns(), within_s=REST_S)
+    stack.watch.report(f"source {SOURCE}", "its commands")
+    stack.stays_at_rest()

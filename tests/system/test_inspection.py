@@ -11,20 +11,24 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import AsyncGenerator, Callable, Generator
 from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pytest
 import zenoh
 
 from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED
+from faults.attacks import free_scan
 from supervisor.estop_record import record_path
 from tests.system.commands import run_here
 from tests.system.harness import PATIENCE_S, Robot, free_endpoint, robot
 from tests.system.rogue import answer, open_rogue
 from wire import topics
+from wire.messages import encode, odometry
 from wire.stamp import Stamper
 
 ROOT = Path(__file__).parents[2]
@@ -37,6 +41,8 @@ session = open_rogue(sys.argv[1])
 print("open", flush=True)
 threading.Event().wait()
 """
+
+BEGAN_NS = time.time_ns()
 
 pytestmark = pytest.mark.timeout(120)
 
@@ -211,6 +217,43 @@ def test_rates_sizes_and_ages_are_measured(shared: Robot) -> None:
     assert figures["rate_hz"] == pytest.approx(20.0, rel=0.05)
     assert figures["bytes_per_s"] == pytest.approx(20.0 * figures["size_max_bytes"], rel=0.05)
     assert 0.0 < figures["age_mean_s"] < 0.1
+
+
+def slow_ns(now_ns: int) -> int:
+    return BEGAN_NS + (now_ns - BEGAN_NS) * 9 // 10
+
+
+def whole_ns(now_ns: int) -> int:
+    return now_ns // 1_000_000_000 * 1_000_000_000
+
+
+def constant_ns(_: int) -> int:
+    return 1_700_000_000_500_000_000
+
+
+@pytest.mark.parametrize(
+    ("stamp_ns", "problem"),
+    [(slow_ns, "run at 0.90 of real time"), (whole_ns, "are whole seconds"), (constant_ns, "do not change")],
+)
+async def test_scans_of_a_bridge_whose_stamps_do_not_run_like_real_time_are_named_as_the_cause(
+    tmp_path: Path, stamp_ns: Callable[[int], int], problem: str
+) -> None:
+    config, chance = tmp_path / "robot.toml", Random(1)
+    config.write_text(PARTICIPANTS)
+    async with robot(tmp_path, topics.SUPERVISOR, teleop=False, config=config) as subject:
+        with rogue_of(subject) as bridge:
+
+            def write() -> None:
+                bridge.put("robot/odom", encode(odometry((0.0, 0.0, 0.0), (0.0, 0.0))))
+                bridge.put("robot/scan", encode(free_scan(chance, stamp_ns(time.time_ns()))))
+
+            with repeated(write, 0.05):
+                await subject.until(lambda: problem in subject.status.detail, problem)
+                assert "SCAN_STALE" in subject.status.reasons
+                _, output, _ = await lifeline(subject, "doctor")
+    text = " ".join(output.split())
+    assert f"SCAN_STALE: there is no fresh scan: the stamps of the lidar's scans {problem}" in text
+    assert "wait for the lidar" not in text
 
 
 @pytest.mark.parametrize("declares", [True, False], ids=["declared", "undeclared"])

@@ -1,8 +1,9 @@
 """A small differential-drive robot: /odom at 50 Hz, /scan at 20 Hz in a room with a pillar, moved by /cmd_vel.
 
 `--timeout none` keeps the last command. With `--stamped`, it treats stamps as diff_drive_controller does: zero is the present
-time, a command older than its timeout is ignored, and the timeout counts from the stamp; `--ahead S` sets its clock ahead. A line `{"reset": true}` puts it back at its start, at rest. Its odometry is exact,
-and is also published as /odom/truth, under the name that the simulated robot uses.
+time, a command older than its timeout is ignored, and the timeout counts from the stamp. `--ahead S` sets its clock ahead.
+A line `{"reset": true}` puts it back at its start, at rest; `{"ahead": 2.0}` steps its clock. Its odometry is exact, and is
+also published as /odom/truth, under the name that the simulated robot uses.
 """
 # pyright: basic, reportMissingImports=false
 
@@ -43,23 +44,26 @@ class Robot:
         self._random = np.random.default_rng()
         self._scan = self.node.create_publisher(LaserScan, "scan", SENSOR)
         if options.stamped:
-            self.node.create_subscription(TwistStamped, "cmd_vel", self._obey_stamped, qos())
+            self.node.create_subscription(TwistStamped, "cmd_vel", self._follow_stamped, qos())
         else:
-            self.node.create_subscription(Twist, "cmd_vel", self._obey, qos())
+            self.node.create_subscription(Twist, "cmd_vel", self._follow, qos())
         self.node.create_timer(STEP_S, self._step)
         self.node.create_timer(1.0 / SCAN_HZ, self._look)
 
-    def reset(self, _: dict[str, Any]) -> None:
-        self._drive = Drive(self._timeout_s)
+    def obey(self, line: dict[str, Any]) -> None:
+        if "ahead" in line:
+            self._ahead_ns = round(line["ahead"] * 1e9)
+        else:
+            self._drive = Drive(self._timeout_s)
 
-    def _obey(self, twist: Twist, age_s: float = 0.0) -> None:
+    def _follow(self, twist: Twist, age_s: float = 0.0) -> None:
         self._drive.command(time.monotonic() - age_s, twist.linear.x, twist.angular.z)
 
-    def _obey_stamped(self, command: TwistStamped) -> None:
+    def _follow_stamped(self, command: TwistStamped) -> None:
         stamp = Time.from_msg(command.header.stamp)
         age_s = 0.0 if stamp.nanoseconds == 0 else (self._now().nanoseconds - stamp.nanoseconds) * 1e-9
         if self._timeout_s is None or age_s <= self._timeout_s:
-            self._obey(command.twist, age_s)
+            self._follow(command.twist, age_s)
 
     def _now(self) -> Time:
         """Return the time by the base's clock."""
@@ -104,7 +108,7 @@ def main() -> None:
         "--ahead", type=float, default=0.0, metavar="SECONDS", help="its clock less the host's"
     )
     robot = Robot(*parser.parse_known_args())
-    spin(robot.node, robot.reset)
+    spin(robot.node, robot.obey)
 
 
 if __name__ == "__main__":
