@@ -18,6 +18,7 @@ from typing import NoReturn, get_args
 
 from teleop.gamepad.device import GamepadDevice, open_gamepad
 from teleop.gamepad.find import GamepadError
+from teleop.guards import unanswered_limit_m_s
 from teleop.holder import HeldError, about_this_process
 from teleop.pilots.config import Mode, TeleopSection
 from teleop.pilots.keyboard import Hold, Incremental
@@ -78,8 +79,10 @@ async def _run(stop: asyncio.Event, options: Options) -> int:
     try:
         with ExitStack() as stack:
             on_releases = pilot.rely_on_releases if isinstance(pilot, Hold) else None
+            on_answer = pilot.rely_on_answers if isinstance(pilot, Incremental) else None
+            plain = not options.setup.pictures
             terminal = stack.enter_context(
-                Terminal(wake, plain=not options.setup.pictures, on_releases=on_releases)
+                Terminal(wake, plain=plain, on_releases=on_releases, on_answer=on_answer)
             )
             _greet(terminal, options)
             waiting = _Waiting(options, terminal, wake, stop)
@@ -99,6 +102,7 @@ async def _run(stop: asyncio.Event, options: Options) -> int:
                     stack.enter_context(options.gamepad.reading(wake=wake, say=teleop.note))
                 if isinstance(pilot, Hold):
                     teleop.note(pilot.explanation)
+                if isinstance(pilot, Hold | Incremental):
                     pilot.say = teleop.note
                 await teleop.run(stop)
                 terminal.note("ended" if pilot is None else "ended; the last command was zero")
@@ -201,7 +205,10 @@ def _pilot(options: Options) -> Pilot | None:
     ramp = Ramp(config.acceleration_m_s2, config.angular_acceleration_rad_s2)
     match options.setup.control:
         case Control.INCREMENTAL:
-            return Incremental(ramp, config.step(), config.most(), config.level)
+            unanswered_m_s = unanswered_limit_m_s(config.vigilance_s, config.round_trip_limit_s)
+            return Incremental(
+                ramp, config.step(), config.most(), config.level, unanswered_m_s=unanswered_m_s
+            )
         case Control.HOLD:
             speed = Velocity(config.hold_linear_m_s, config.hold_angular_rad_s)
             return Hold(speed, config.most(), ramp, config.level)
@@ -255,6 +262,7 @@ def _options(args: argparse.Namespace) -> Options:
         most=config.most(),
         rate_hz=config.rate_hz,
         round_trip_limit_s=config.round_trip_limit_s,
+        vigilance_s=config.vigilance_s,
         about=about_this_process(source),
         pictures=not (args.plain or is_dumb()),
     )

@@ -3,7 +3,8 @@
 Refusals     the supervisor refuses all commands of this program
 Supervisors  two robots have one namespace
 RoundTrip    the robot answers too late
-Pulse        the terminal no longer shows the output
+Pulse        the terminal no longer shows the output; keys that may be older than the newest proof that it does
+vigilance    the operator has pressed no key for too long
 """
 
 import math
@@ -166,7 +167,11 @@ def _rounded_us(time_ns: int) -> int:
 ANSWER_LIMIT_S = 0.3
 """Without a reply for longer than this, the operator does not see the output."""
 TRIES = 20
-"""Number of requests to a terminal that never replies."""
+"""Number of requests to a terminal that never replies, and of requests that are remembered."""
+LOST_PERIOD_S = 1.0
+"""Period of the requests to a terminal that no longer replies."""
+SETTLING_S = 1.0
+"""On a terminal that never replies, keys count as old for this long after a doubt: a link that comes back delivers them at once."""
 
 
 class Pulse:
@@ -174,35 +179,88 @@ class Pulse:
 
     A hung ssh session accepts output until its buffers are full. Meanwhile the operator sees a frozen picture, and the
     keys do not arrive. Therefore each picture includes a status request (DSR), which practically every terminal answers.
-    A terminal that has never replied is not checked.
+    A terminal that has never replied cannot be checked.
+
+    Keys and replies arrive in one stream. A key behind the reply to a request was typed after the terminal had received
+    this request and the picture before it. After a doubt, only keys behind the reply to a later request are live
+    (docs/decisions/0061). A reply that got lost delays this by one request.
     """
 
     def __init__(self) -> None:
-        self._answered_s = math.nan
-        self._asked_s = -math.inf
-        self.open = 0
-        """Number of requests without a reply."""
+        self._open_s: deque[float] = deque(maxlen=TRIES)
+        """Send times of the requests without a reply, the oldest first."""
+        self._answered_s, self._proven_s = math.nan, math.nan
+        """Arrival of the newest reply, and the send time of its request."""
+        self._asked_s, self._doubted_s = -math.inf, -math.inf
 
     @property
     def answers(self) -> bool:
         """Whether the terminal has ever replied."""
-        return not math.isnan(self._answered_s)
+        return not math.isnan(self._proven_s)
 
     @property
-    def is_worth_asking(self) -> bool:
-        """Whether the terminal has ever replied, or has received fewer than `TRIES` requests."""
-        return self.answers or self.open < TRIES
+    def open(self) -> int:
+        """Number of requests without a reply."""
+        return len(self._open_s)
+
+    def is_due(self, now_s: float) -> bool:
+        """Return whether the next picture should include a request."""
+        if not self.answers:
+            return self.open < TRIES
+        return not self.is_lost(now_s) or now_s - self._asked_s >= LOST_PERIOD_S
 
     def ask(self, now_s: float) -> None:
-        if now_s - self._asked_s > ANSWER_LIMIT_S and self.answers:
-            self._answered_s = now_s  # the pause before this request was not the terminal's
         self._asked_s = now_s
-        self.open += 1
+        self._open_s.append(now_s)
 
     def answer(self, now_s: float) -> None:
-        self._answered_s = now_s
-        self.open = max(0, self.open - 1)
+        """Take a reply; one without a request proves nothing."""
+        if self._open_s:
+            self._answered_s, self._proven_s = now_s, self._open_s.popleft()
 
     def is_lost(self, now_s: float) -> bool:
         """Return whether a terminal that has replied before no longer does."""
-        return self.answers and now_s - self._answered_s > ANSWER_LIMIT_S
+        if not (self.answers and self._open_s):
+            return False
+        return now_s - max(self._answered_s, self._open_s[0]) > ANSWER_LIMIT_S
+
+    def doubt(self, now_s: float) -> None:
+        """Require a new proof: the operator may not have seen the pictures until now."""
+        self._doubted_s = now_s
+
+    def is_live(self, now_s: float) -> bool:
+        """Return whether a key that arrives next in the stream was typed after the newest doubt."""
+        if self.answers:
+            return self._proven_s >= self._doubted_s
+        return now_s - self._doubted_s > SETTLING_S
+
+
+DEMAND_S = 3.0
+"""Time from the demand for a key to zero."""
+DEAD_LINK_M = 1.0
+"""The farthest that the robot drives behind a dead link to a terminal that answers no status requests."""
+REACTION_S = 0.5
+"""From the end of vigilance to the robot's standstill, without the way to the robot."""
+
+
+def vigilance_left_s(now_s: float, key_s: float, vigilance_s: float, *, moving: bool) -> float:
+    """Return the time until zero is sent for lack of a key [s]; up to `DEMAND_S`, the screen asks for one.
+
+    A terminal multiplexer or mosh answers the status requests also when no person sees the screen (docs/decisions/0061).
+
+    Args:
+        now_s: the time of any monotonic clock.
+        key_s: the time of the newest key that counted.
+        vigilance_s: the time without a key after which the screen asks for one.
+        moving: whether motion is requested; without it, no key is needed, and the result is infinite.
+    """
+    return vigilance_s + DEMAND_S - (now_s - key_s) if moving else math.inf
+
+
+def unanswered_limit_m_s(vigilance_s: float, round_trip_limit_s: float) -> float:
+    """Return the maximum speed with a terminal that answers no status requests, in whole mm/s.
+
+    Behind a dead link, only vigilance stops the robot; until then, it drives at most `DEAD_LINK_M`.
+    """
+    longest_s = vigilance_s + DEMAND_S + round_trip_limit_s + REACTION_S
+    return math.floor(1000 * DEAD_LINK_M / longest_s) / 1000

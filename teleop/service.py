@@ -1,8 +1,8 @@
 """The asyncio shell: one loop reads the keys, sends the heartbeat and draws.
 
 The heartbeat proves that this loop runs: a hang silences it, and the supervisor stops the robot. After a hang, missed
-heartbeats are not sent later, the setpoint is zero, and keys typed during the hang are discarded, because the robot did
-not respond to them.
+heartbeats are not sent later, the setpoint is zero, and keys typed during the hang are void, because the robot did
+not respond to them. The same holds for keys that were typed while the terminal did not show the output.
 """
 
 import asyncio
@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from teleop.guards import Refusals, RoundTrip
+from teleop.guards import DEMAND_S, Refusals, RoundTrip, vigilance_left_s
 from teleop.holder import SENDING_S, HeldError, Holder
-from teleop.pilots.keys import NOT_TYPED, Command, KeySource, name_of
+from teleop.pilots.keys import FOCUS_OUT, NOT_TYPED, Command, KeySource, name_of
 from teleop.pilots.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity, amounts
 from teleop.rate import TOLERANCE_S, Rate, WarningBell
 from teleop.screen.controls import LEGENDS, command_for, help_lines, key_help
@@ -39,6 +39,8 @@ MIN_GAP_S = 0.01
 """Minimum time between two commands without a key press: a gamepad's stick sends a thousand events per second."""
 IGNORED_PERIOD_S = 1.0
 """Minimum time between two notes on ignored keys."""
+AT_ANY_AGE = (Command.ESTOP, Command.QUIT, Command.SUSPEND)
+"""Commands of keys that count however old they are."""
 KEPT_EVENTS = 50
 
 
@@ -59,6 +61,10 @@ class Screen(Protocol):
         ...
 
     def bell(self) -> None: ...
+
+    def doubt(self) -> None:
+        """Mark keys as old until they must have been typed on a picture that is shown after this call."""
+        ...
 
     def suspend(self) -> None:
         """Suspend the process like Ctrl-Z, with the terminal restored meanwhile; return when it continues."""
@@ -83,6 +89,8 @@ class Setup:
     rate_hz: float = 20.0
     round_trip_limit_s: float = 0.5
     """Maximum time from a command to its confirmation; above it, the robot obeys too late, and zero is sent."""
+    vigilance_s: float = 10.0
+    """In control by steps: time without a key after which the screen asks for one; `DEMAND_S` later, zero is sent."""
     about: str = "teleop"
     """A sentence about this program, for other programs that want the source's name."""
     pictures: bool = True
@@ -129,6 +137,9 @@ class Teleop:
         """Until when the newest reset may still take effect."""
         self._ignored_s = -math.inf
         """Time of the newest note on an ignored key."""
+        self._key_s = -math.inf
+        """Time of the newest key that counted."""
+        self._demands_key = False
         self._suspending = False
         self._quitting = False
         self._has_help = False
@@ -238,9 +249,10 @@ class Teleop:
         late_s = self._beat.lateness_s(now_s)
         if late_s > HANG_S:
             self._recover(late_s)
-            events = [event for event in events if self._command(event) is not None]
+            events = [event._replace(is_old=True) for event in events]
         self._look(now_s)
         self._act(events)
+        self._keep_vigil(now_s)
         next_s = self._move(asyncio.get_running_loop().time())
         if self._beat.tick(now_s):
             if self._published_s < now_s:  # a command that was sent in this iteration is also a heartbeat
@@ -250,6 +262,7 @@ class Teleop:
         return min(next_s, self._beat.next_s, self._draw_if_due(now_s))
 
     def _recover(self, late_s: float) -> None:
+        self._screen.doubt()
         if self._pilot is not None:
             self._pilot.let_go()  # sent with the heartbeat that is due
             self._sent = NEUTRAL
@@ -261,34 +274,72 @@ class Teleop:
         return None if event.kind is KeyKind.RELEASE else command_for(event.key, self._setup.control)
 
     def _act(self, events: Iterable[KeyEvent]) -> None:
-        clock = asyncio.get_running_loop().time
         for event in events:
-            command = self._command(event)
-            is_known = command is not None
-            if self._pilot is not None and command in (None, Command.RESET, Command.HELP):
-                before, level = self._pilot.wanted(), self._pilot.level
-                is_known |= self._pilot.on_key(event, clock())
-                self._send(clock(), always=command is None and event.kind is KeyKind.PRESS)
-                self._redraw |= before != self._pilot.wanted()
-                if level != self._pilot.level:
-                    self._on_level(self._pilot)
-            if event.kind is KeyKind.PRESS and not is_known:
-                self._note_ignored(event.key, clock())
-            if command is Command.HELP:
-                if event.kind is KeyKind.PRESS:
-                    self._toggle_help()
-            elif command is not None:
-                self._redraw = True
-                self._do(command, clock())
+            is_old = event.is_old and event.kind is not KeyKind.RELEASE
+            if is_old and self._command(event) not in AT_ANY_AGE:
+                self._void(asyncio.get_running_loop().time())
+            else:
+                self._obey(event)
             if self._quitting or self._suspending:
                 return  # keys typed after it are not for the robot
 
-    def _note_ignored(self, key: str, now_s: float) -> None:
+    def _obey(self, event: KeyEvent) -> None:
+        clock = asyncio.get_running_loop().time
+        command = self._command(event)
+        is_known = command is not None
+        if self._pilot is not None and command in (None, Command.RESET, Command.HELP):
+            before, level = self._pilot.wanted(), self._pilot.level
+            is_known |= self._pilot.on_key(event, clock())
+            self._send(clock(), always=command is None and event.kind is KeyKind.PRESS)
+            self._redraw |= before != self._pilot.wanted()
+            if level != self._pilot.level:
+                self._on_level(self._pilot)
+        if event.kind is KeyKind.PRESS:
+            self._count(event.key, clock(), is_known=is_known)
+        if command is Command.HELP:
+            if event.kind is KeyKind.PRESS:
+                self._toggle_help()
+        elif command is not None:
+            self._redraw = True
+            self._do(command, clock())
+
+    def _count(self, key: str, now_s: float, *, is_known: bool) -> None:
+        """Let a press renew vigilance, or note that it was ignored."""
+        if not is_known:
+            is_named = key in NOT_TYPED
+            self._note_ignored(key if is_named else f"{plain(name_of(key))}, which has no function", now_s)
+        elif key != FOCUS_OUT:
+            self._key_s = now_s
+
+    def _void(self, now_s: float) -> None:
+        """Stop instead of obeying a key that may have been typed before the operator saw the present screen."""
+        if self._asks_for_motion():
+            self._let_go()
+        self._note_ignored("a key that was typed while the screen was not seen", now_s)
+
+    def _note_ignored(self, what: str, now_s: float) -> None:
         if now_s - self._ignored_s < IGNORED_PERIOD_S:
             return
         self._ignored_s = now_s
-        what = key if key in NOT_TYPED else f"{plain(name_of(key))}, which has no function"
         self.note(f"ignored {what}{'' if self._pilot is None else ': the setpoint is zero'}", Tone.CAUTION)
+
+    def _vigilance_left_s(self, now_s: float) -> float:
+        """Return the time until zero is sent for lack of a key [s]; infinite where none is needed."""
+        moving = self._setup.control is Control.INCREMENTAL and self._asks_for_motion()
+        return vigilance_left_s(now_s, self._key_s, self._setup.vigilance_s, moving=moving)
+
+    def _keep_vigil(self, now_s: float) -> None:
+        """Ask for a key when none has been pressed for long, then send zero."""
+        left_s, demanded = self._vigilance_left_s(now_s), self._demands_key
+        self._demands_key = left_s <= DEMAND_S
+        if self._demands_key and not demanded:
+            self._screen.bell()
+            self.note(f"no key for {self._setup.vigilance_s:g} s: press Enter to drive on", Tone.CAUTION)
+        if left_s <= 0.0:
+            self._let_go()
+            self._demands_key = False
+            self.note("no key was pressed on demand: the setpoint is zero", Tone.STOP)
+        self._redraw |= self._demands_key is not demanded
 
     def _do(
         self,
@@ -507,9 +558,11 @@ class Teleop:
         columns, rows = self._screen.size
         if self._screen.show(self._render(self._view(now_s), columns, rows)):
             self._shown_s = now_s
-        elif now_s - self._shown_s > SCREEN_LIMIT_S and self._asks_for_motion():
-            self._let_go()
-            self.note("the terminal took no output: the setpoint is zero", Tone.STOP)
+        elif now_s - self._shown_s > SCREEN_LIMIT_S:
+            self._screen.doubt()
+            if self._asks_for_motion():
+                self._let_go()
+                self.note("the terminal took no output: the setpoint is zero", Tone.STOP)
 
     def _asks_for_motion(self) -> bool:
         return self._pilot is not None and not (self._sent.is_neutral and self._pilot.wanted().is_neutral)
@@ -531,6 +584,7 @@ class Teleop:
             status=telemetry.status,
             round_trip_s=self._round_trip.shortest_s,
             lateness=self._lateness,
+            vigilance_left_s=self._vigilance_left_s(now_s),
             status_age_s=telemetry.statuses.age_s(now_s),
             odom=telemetry.odom.message,
             odom_age_s=telemetry.odom.age_s(now_s),

@@ -12,7 +12,7 @@ import signal
 import termios
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from types import FrameType, TracebackType
 from typing import NoReturn, Protocol, Self
@@ -77,11 +77,20 @@ class Terminal:
     Args:
         wake: set when there are keys to take.
         plain: show one line at the bottom with notes above it, instead of using the whole screen.
-        on_releases: for control by holding; called with whether the terminal reports key releases.
+        on_releases: for control by holding; called with whether the terminal reports key releases. They count only
+            on a terminal that answers status requests: behind a dead link, the release of a key would never come.
+        on_answer: called when the terminal answers its first status request.
     """
 
-    def __init__(self, wake: asyncio.Event, *, plain: bool, on_releases: OnReleases | None = None) -> None:
-        self._wake, self._on_releases = wake, on_releases
+    def __init__(
+        self,
+        wake: asyncio.Event,
+        *,
+        plain: bool,
+        on_releases: OnReleases | None = None,
+        on_answer: Callable[[], None] | None = None,
+    ) -> None:
+        self._wake, self._on_releases, self._on_answer = wake, on_releases, on_answer
         self._decoder = KeyDecoder()
         self.ended = False
         self._has_terminal = False
@@ -89,11 +98,11 @@ class Terminal:
         self._typed: list[KeyEvent] = []
         """Keys that arrived as signals."""
         self._backlog = b""
-        dumb = is_dumb()
+        dumb = self._is_dumb = is_dumb()
         colours = not dumb and not os.environ.get("NO_COLOR")
         self._face = _PlainFace(is_dumb=dumb, colours=colours) if plain else _FullFace(colours=colours)
-        self._pulse = None if plain else Pulse()
-        self._has_pushed = False
+        self._pulse = Pulse()
+        self._has_pushed = self._has_releases = False
         self._unfinished_s = math.inf
         """Time at which an unfinished key sequence stops the robot."""
 
@@ -148,20 +157,21 @@ class Terminal:
     def show(self, lines: Sequence[Line]) -> bool:
         if not self._flush():
             return False
-        text = self._face.picture(lines, *self.size)
-        if self._pulse is not None and self._pulse.is_worth_asking:
-            self._pulse.ask(self._loop.time())
+        text, now_s = self._face.picture(lines, *self.size), self._loop.time()
+        is_lost = self._pulse.is_lost(now_s)
+        if not self._is_dumb and self._pulse.is_due(now_s):
+            self._pulse.ask(now_s)
             text += _ASK
-        if not text:
-            return self._is_writable()
-        written = self._write(text)
-        return written and not (self._pulse is not None and self._pulse.is_lost(self._loop.time()))
+        return (self._write(text) if text else self._is_writable()) and not is_lost
 
     def note(self, text: str) -> None:
         self._write(self._face.note(text, self.size[0]))
 
     def bell(self) -> None:
         self._write("\a")
+
+    def doubt(self) -> None:
+        self._pulse.doubt(self._loop.time())
 
     def suspend(self) -> None:
         """Suspend all processes of the job like Ctrl-Z; return when this process continues.
@@ -172,6 +182,7 @@ class Terminal:
         signal.signal(signal.SIGTSTP, signal.SIG_DFL)
         os.kill(0, signal.SIGTSTP)
         self._begin()
+        self.doubt()
 
     # --- keys
 
@@ -179,12 +190,21 @@ class Terminal:
         keys: list[KeyEvent] = []
         for event in self._decoder.feed(data):
             if isinstance(event, KeyEvent):
-                keys.append(event)
+                keys.append(event._replace(is_old=not self._pulse.is_live(self._loop.time())))
             elif event.kind is ReportKind.KEYBOARD_FLAGS:
                 self._on_keyboard_flags(event.value)
-            elif self._pulse is not None:
-                self._pulse.answer(self._loop.time())
+            else:
+                self._on_status()
         return keys
+
+    def _on_status(self) -> None:
+        """Handle a reply to a status request."""
+        is_first = not self._pulse.answers
+        self._pulse.answer(self._loop.time())
+        if is_first and self._pulse.answers:
+            if self._on_answer is not None:
+                self._on_answer()
+            self._tell_releases()
 
     def _on_keyboard_flags(self, flags: int) -> None:
         """Handle a report of the kitty protocol's flags: request key releases, and note whether they are active."""
@@ -194,10 +214,13 @@ class Terminal:
             self._has_pushed = True
             self._write(_PUSH)
             return
-        reported = flags & _KITTY_NEEDED == _KITTY_NEEDED
-        self._decoder.tells_releases = reported
-        self._on_releases(reported=reported)
-        self._wake.set()
+        self._has_releases = self._decoder.tells_releases = flags & _KITTY_NEEDED == _KITTY_NEEDED
+        self._tell_releases()
+
+    def _tell_releases(self) -> None:
+        if self._on_releases is not None:
+            self._on_releases(reported=self._has_releases and self._pulse.answers)
+            self._wake.set()
 
     def _on_signal(self, key: str) -> None:
         self._typed.append(KeyEvent(key))
@@ -206,7 +229,7 @@ class Terminal:
     # --- modes
 
     def _begin(self) -> None:
-        self._decoder = KeyDecoder()
+        self._decoder, self._has_releases = KeyDecoder(), False
         self._face.forget()
         self._enter()
         self._loop.add_reader(0, self._wake.set)
@@ -232,6 +255,7 @@ class Terminal:
                 self._write(_POP)
             self._face.forget()
             self._enter()
+            self.doubt()
 
     def _on_quit(self, _number: int, _frame: FrameType | None) -> NoReturn:
         r"""Handle Ctrl-\: end immediately with the terminal restored, even if the loop hangs."""
@@ -261,7 +285,7 @@ class Terminal:
     def _await_answers(self) -> None:
         """Read pending replies of the terminal, so that they do not go to the shell."""
         deadline_s = time.monotonic() + ANSWER_LIMIT_S
-        while not self.ended and self._pulse is not None and self._pulse.answers and self._pulse.open:
+        while not self.ended and self._pulse.answers and self._pulse.open:
             left_s = deadline_s - time.monotonic()
             if left_s <= 0 or not select.select([0], [], [], left_s)[0]:
                 return

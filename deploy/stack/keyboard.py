@@ -19,6 +19,8 @@ from wire import topics
 ROWS, COLUMNS = 24, 100
 SCREEN_BYTES = 4096
 END_LIMIT_S = 4.0
+REQUEST, REPLY = b"\x1b[5n", b"\x1b[0n"
+"""A status request of the program, and the terminal's reply."""
 ESCAPE = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]|[@-Z\\-_])")
 
 
@@ -36,6 +38,8 @@ class TypedTeleop:
         self._loop = asyncio.get_running_loop()
         self.screen = b""
         """The last bytes of its output."""
+        self._unread = b""
+        """The end of the output, which may be the beginning of a status request."""
         self._keys, keys_slave = pty.openpty()
         self._display, display_slave = pty.openpty()
         self._masters = [self._keys, self._display]
@@ -76,8 +80,12 @@ class TypedTeleop:
 
     def press(self, keys: str) -> None:
         """Type the keys in order."""
-        with suppress(OSError):
-            os.write(self._keys, keys.encode())
+        self._type(keys.encode())
+
+    def _type(self, data: bytes) -> None:
+        if self._keys in self._masters:
+            with suppress(OSError):
+                os.write(self._keys, data)
 
     def send(self, number: signal.Signals) -> float:
         """Signal the process; return the time just before."""
@@ -120,11 +128,17 @@ class TypedTeleop:
 
     def _on_output(self) -> None:
         try:
-            self.screen = (self.screen + os.read(self._display, SCREEN_BYTES))[-SCREEN_BYTES:]
+            data = os.read(self._display, SCREEN_BYTES)
         except BlockingIOError:
             return
         except OSError:  # EIO: the other side is closed
             self._loop.remove_reader(self._display)
+            return
+        self.screen = (self.screen + data)[-SCREEN_BYTES:]
+        before, *others = (self._unread + data).split(REQUEST)
+        self._unread = (others[-1] if others else before)[1 - len(REQUEST) :]
+        if others:
+            self._type(REPLY * len(others))
 
 
 @asynccontextmanager

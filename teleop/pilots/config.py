@@ -63,6 +63,8 @@ class GamepadSection(Section):
 CommandRate = Annotated[float, Between(2.0, 200.0)]
 # A lower limit would leave too little beyond the periods of the commands and of the status.
 RoundTripLimit = Annotated[float, Between(0.2, 10.0)]
+# A longer time would let the robot drive on without an operator.
+Vigilance = Annotated[float, Between(2.0, 120.0)]
 LinearStep = Annotated[float, Between(0.001, 1.0)]
 AngularStep = Annotated[float, Between(0.001, 3.2)]
 Mode = Literal["incremental", "hold", "gamepad"]
@@ -75,6 +77,7 @@ class TeleopSection(Section):
     mode: Mode = "incremental"
     rate_hz: CommandRate = 20.0
     round_trip_limit_s: RoundTripLimit = 0.5
+    vigilance_s: Vigilance = 10.0
     linear_step_m_s: LinearStep = 0.1
     angular_step_rad_s: AngularStep = 0.2
     max_linear_m_s: Speed = 1.0

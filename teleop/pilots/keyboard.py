@@ -13,7 +13,7 @@ import math
 from collections import deque
 from collections.abc import Callable
 
-from teleop.pilots.keys import FOCUS_OUT, NO_MOTION, STOP_KEY, level_of
+from teleop.pilots.keys import FOCUS_OUT, NO_MOTION, PRESENCE_KEY, STOP_KEY, level_of
 from teleop.pilots.pilot import LEVELS, NEUTRAL, KeyEvent, KeyKind, Ramp, Velocity, amount
 
 DIGITS = 9
@@ -61,6 +61,8 @@ class Incremental(_KeyPilot):
         step: step of each velocity at the highest speed level, above zero.
         most: maximum of each velocity at the highest speed level, above zero.
         level: the initial speed level.
+        unanswered_m_s: maximum forward velocity until the terminal answers a status request: without answers, a dead
+            link to the terminal is not noticed.
     """
 
     def __init__(
@@ -69,9 +71,20 @@ class Incremental(_KeyPilot):
         step: Velocity = DEFAULT_STEP,
         most: Velocity = DEFAULT_MOST,
         level: int = LEVELS,
+        *,
+        unanswered_m_s: float = math.inf,
     ) -> None:
         super().__init__(most, ramp, level)
         self._full_step = step
+        self._cap_m_s = unanswered_m_s
+        self._has_said = False
+        self.say: Callable[[str], None] | None = None
+        """Shows the operator once that the terminal limits the speed."""
+
+    @property
+    def limit(self) -> Velocity:
+        linear_m_s, angular_rad_s = super().limit
+        return Velocity(min(linear_m_s, self._cap_m_s), angular_rad_s)
 
     @property
     def _step(self) -> Velocity:
@@ -80,7 +93,18 @@ class Incremental(_KeyPilot):
 
     @property
     def note(self) -> str:
+        if self._is_capped:
+            return f"no answer from terminal: {amount(self._cap_m_s)} m/s"
         return f"each press: {amount(self._step.linear_m_s)} m/s or {amount(self._step.angular_rad_s)} rad/s"
+
+    @property
+    def _is_capped(self) -> bool:
+        """Whether the terminal's silence limits the speed."""
+        return self._cap_m_s < super().limit.linear_m_s
+
+    def rely_on_answers(self) -> None:
+        """Permit all speeds: the terminal has answered a status request."""
+        self._cap_m_s = math.inf
 
     def on_key(self, event: KeyEvent, now_s: float) -> bool:  # noqa: ARG002 - a step is a step at any time
         if event.kind is KeyKind.RELEASE:
@@ -94,7 +118,7 @@ class Incremental(_KeyPilot):
         elif level is not None:
             self.level = level
             self._move((0, 0))  # down to the maximum of the level
-        elif key not in NO_MOTION:
+        elif key not in NO_MOTION and key != PRESENCE_KEY:
             self.let_go()
             return False
         return True
@@ -111,6 +135,9 @@ class Incremental(_KeyPilot):
                 )
             )
         )
+        if self._is_capped and self._wanted.linear_m_s and self.say is not None and not self._has_said:
+            self._has_said = True
+            self.say(f"the terminal answers no status requests: at most {amount(self._cap_m_s)} m/s")
 
 
 def _stepped(velocity: float, step: float, limit: float) -> float:

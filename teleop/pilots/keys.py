@@ -63,6 +63,8 @@ COMMANDS = {
 """Command of each key; a control mode may use a key otherwise (controls.py)."""
 STOP_KEY = "s"
 """Key that sets the velocity to zero in control by steps, and ends the hold of a gamepad."""
+PRESENCE_KEY = "enter"
+"""Key that only shows that the operator is present, in control by steps."""
 LEVEL_KEYS = ("1", "2", "3", "4", "5")
 """Keys that select the speed level of their digit."""
 

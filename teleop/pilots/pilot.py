@@ -53,6 +53,8 @@ class KeyEvent(NamedTuple):
     """The character, or a name: "up", "down", "left", "right", "enter", "f1"."""
     kind: KeyKind = KeyKind.PRESS
     """A terminal without the kitty keyboard protocol reports only presses; a held key is a series of presses."""
+    is_old: bool = False
+    """Whether it may have been typed before the operator saw the present screen: such a key requests no motion."""
 
 
 class Pilot(Protocol):

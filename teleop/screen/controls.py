@@ -10,7 +10,7 @@ from itertools import zip_longest
 from typing import assert_never
 
 from teleop.pilots.keyboard import MOTIONS, SPEEDS, STEPS
-from teleop.pilots.keys import COMMANDS, LEVEL_KEYS, STOP_KEY, Command, name_of
+from teleop.pilots.keys import COMMANDS, LEVEL_KEYS, PRESENCE_KEY, STOP_KEY, Command, name_of
 from teleop.screen.view import Control, KeyHelp, Line, Segment, Tone
 
 NOT_IN_HOLD = ("q", "h")
@@ -78,7 +78,9 @@ def key_help(control: Control) -> tuple[KeyHelp, ...]:
     match control:
         case Control.INCREMENTAL:
             steps = ((key, f"{_motion(*step)} by one step") for key, step in STEPS.items())
-            return (*commands, *_rows(steps), KeyHelp(STOP_KEY, "stop, and arm again"), levels)
+            stop = KeyHelp(STOP_KEY, "stop, and arm again")
+            here = KeyHelp(PRESENCE_KEY, "show that you are here")
+            return (*commands, *_rows(steps), stop, levels, here)
         case Control.HOLD:
             motions = ((key, _motion(*motion)) for key, motion in MOTIONS.items())
             stop = KeyHelp("k", "stop, like any other key")

@@ -56,6 +56,9 @@ def news(view: View) -> News:
             return _stopped(view, status)
         case _ if view.lateness:
             return News("LATE", view.lateness, "no motion is sent: wait, or use a faster link", Tone.STOP)
+        case _ if view.demands_key:
+            what = f"no key for long: zero is sent in {_seconds(view)} s"
+            return News("PRESS ENTER", what, "Enter drives on; s stops", Tone.CAUTION)
         case SafetyStatus.READY:
             return _ready(view, status)
         case SafetyStatus.DRIVING:
@@ -65,6 +68,11 @@ def news(view: View) -> News:
         case unknown:
             what = f"the supervisor reports mode {unknown}, which this program does not know"
             return News("UNKNOWN", what, "run the same version of Lifeline on both sides", Tone.STOP)
+
+
+def _seconds(view: View) -> int:
+    """Return the whole seconds in which a key must be pressed."""
+    return max(0, math.ceil(view.vigilance_left_s))
 
 
 def next_step(view: View, reason: str) -> str:
@@ -234,6 +242,8 @@ def _news(view: View, omega: str, *, short: bool = False) -> Segment:
             return Segment(_stopped_line(status, view, short=short), Tone.STOP)
         case _ if view.lateness:
             return Segment(f"LATE: {view.lateness}", Tone.STOP)
+        case _ if view.demands_key:
+            return Segment(f"PRESS ENTER: zero in {_seconds(view)} s", Tone.CAUTION)
         case SafetyStatus.READY:
             return Segment(f"READY{who}", Tone.GOOD)
         case SafetyStatus.DRIVING:

@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
+from teleop.guards import DEMAND_S
 from teleop.pilots.pilot import NEUTRAL, Velocity
 from wire.messages import LaserScan, Odometry, SafetyStatus, SourceStatus
 from wire.text import bearing_in_words
@@ -146,6 +147,8 @@ class View:
     """Time from a command to the status that confirms it; infinite before the first such status; NaN if unknown."""
     lateness: str = ""
     """How late the robot answers, if it obeys so late that no motion is requested; otherwise empty."""
+    vigilance_left_s: float = math.inf
+    """Time until zero is sent for lack of a key; infinite where none is needed."""
     odom: Odometry | None = None
     odom_age_s: float = 0.0
     scan: LaserScan | None = None
@@ -168,6 +171,11 @@ class View:
     def neutral_hint(self) -> str:
         """How to send neutral, as the beginning of a sentence."""
         return NEUTRAL_HINTS[self.control]
+
+    @property
+    def demands_key(self) -> bool:
+        """Whether the robot stops soon unless a key is pressed."""
+        return self.vigilance_left_s <= DEMAND_S
 
     @property
     def is_neutral(self) -> bool:
