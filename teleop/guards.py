@@ -231,7 +231,7 @@ class Pulse:
     def is_live(self, now_s: float) -> bool:
         """Return whether a key that arrives next in the stream was typed after the newest doubt."""
         if self.answers:
-            return self._proven_s >= self._doubted_s
+            return self._proven_s > self._doubted_s
         return now_s - self._doubted_s > SETTLING_S
 
 

@@ -8,9 +8,10 @@ from typing import Any, cast
 
 import pytest
 
+from teleop.guards import DEMAND_S
 from teleop.holder import ASK_LIMIT_S, POLL_S, SILENT_LIMIT_S, HeldError
 from teleop.pilots.keyboard import Hold, Incremental
-from teleop.pilots.keys import CTRL_C, CTRL_D, CTRL_Z, PASTED, SEVERAL
+from teleop.pilots.keys import CTRL_C, CTRL_D, CTRL_Z, FOCUS_OUT, PASTED, PRESENCE_KEY, SEVERAL
 from teleop.pilots.pilot import NEUTRAL, RAMP_PERIOD_S, KeyEvent, KeyKind, Pilot, Ramp, Velocity
 from teleop.screen.controls import help_lines, key_help
 from teleop.screen.display import render
@@ -24,6 +25,7 @@ from wire.stamp import Stamp
 
 CMD_VEL = topics.source_cmd_vel("teleop")
 PERIOD_S = 0.05
+VIGILANCE_S = Setup("", "", Control.INCREMENTAL).vigilance_s
 INSTANT_S = 4e-4
 RUN = b"some other run.."
 """The epoch of another program."""
@@ -93,6 +95,7 @@ class PaperScreen:
         self.drawn_s: list[float] = []
         self.notes: list[str] = []
         self.rang_s: list[float] = []
+        self.doubted_s: list[float] = []
         self.suspended = 0
         self.on_suspend = lambda: None
         self.stuck = False
@@ -111,6 +114,9 @@ class PaperScreen:
 
     def bell(self) -> None:
         self.rang_s.append(asyncio.get_running_loop().time())
+
+    def doubt(self) -> None:
+        self.doubted_s.append(asyncio.get_running_loop().time())
 
     def suspend(self) -> None:
         self.suspended += 1
@@ -386,6 +392,158 @@ async def test_a_beat_that_is_only_late_is_no_hang() -> None:
         assert b.velocity() == (0.1, 0.0)
 
 
+# --- keys that may be old
+
+
+OLD = "ignored a key that was typed while the screen was not seen: the setpoint is zero"
+
+
+@pytest.mark.parametrize("key", ["w", "s", "r", "?", "1", "enter"])
+async def test_a_key_that_may_be_older_than_the_proof_of_the_screen_stops_and_has_no_other_effect(
+    key: str,
+) -> None:
+    async with bench() as b:
+        b.serve_reset(TriggerResponse(success=True, message="released"))
+        await b.press("ww")
+        b.keys.happen(KeyEvent(key, is_old=True))
+        await asyncio.sleep(PERIOD_S)
+        assert b.velocity() == (0.0, 0.0)
+        assert b.screen.notes == [OLD]
+        assert (b.view.level, b.view.help, b.resets) == (5, (), 0)
+        await b.press("w")
+        assert b.velocity() == (0.1, 0.0)
+
+
+async def test_an_emergency_stop_and_a_quit_count_however_old_they_are() -> None:
+    async with bench() as b:
+        b.keys.happen(KeyEvent(" ", is_old=True), KeyEvent("q", is_old=True))
+        await asyncio.sleep(INSTANT_S)
+        assert b.wire.estops()
+        await b.ended()
+
+
+async def test_an_old_release_ends_the_motion_of_its_key() -> None:
+    async with bench(_hold(reported=True, ramp=Ramp(1e6, 1e6)), Control.HOLD) as b:
+        await b.press("i")
+        assert b.velocity() == (0.5, 0.0)
+        b.keys.happen(KeyEvent("i", KeyKind.RELEASE, is_old=True))
+        await asyncio.sleep(INSTANT_S)
+        assert (b.velocity(), b.screen.notes) == ((0.0, 0.0), [])
+
+
+async def test_after_a_hang_keys_must_be_typed_on_a_later_picture() -> None:
+    async with bench() as b:
+        b.keys.happen(KeyEvent("r"))
+        b.serve_reset(TriggerResponse(success=True, message="released"))
+        hang(3.0)
+        await asyncio.sleep(INSTANT_S)
+        assert len(b.screen.doubted_s) == 1
+        assert b.resets == 0, "r was typed during the hang"
+
+
+@pytest.mark.parametrize("keys", ["", "w"])
+async def test_keys_count_as_old_from_the_stop_for_a_stuck_screen_until_it_is_shown_again(keys: str) -> None:
+    async with bench() as b:
+        await b.press(keys)
+        b.screen.stuck = True
+        await asyncio.sleep(SCREEN_LIMIT_S - 0.1)
+        assert b.screen.doubted_s == []
+        await asyncio.sleep(2.0)
+        assert len(b.screen.doubted_s) >= 15, "each picture that is not shown"
+        b.screen.stuck = False
+        healed_s = asyncio.get_running_loop().time()
+        await asyncio.sleep(1.0)
+        assert b.screen.doubted_s[-1] <= healed_s
+
+
+# --- vigilance
+
+
+DEMANDED = "no key for 10 s: press Enter to drive on"
+UNANSWERED = "no key was pressed on demand: the setpoint is zero"
+PICTURE_S = 0.1
+"""The longest time between two looks at the clock."""
+
+
+async def test_without_a_key_the_screen_asks_for_one_and_three_seconds_later_the_setpoint_is_zero() -> None:
+    async with bench() as b:
+        await b.press("ww")
+        await asyncio.sleep(VIGILANCE_S - 2 * INSTANT_S)
+        assert (b.screen.notes, b.screen.rang_s) == ([], [])
+        await asyncio.sleep(PICTURE_S)
+        assert (b.screen.notes, len(b.screen.rang_s)) == ([DEMANDED], 1)
+        assert 2.8 < b.view.vigilance_left_s <= DEMAND_S
+        await asyncio.sleep(DEMAND_S - 2 * PICTURE_S)
+        assert b.velocity() == (0.2, 0.0)
+        await asyncio.sleep(2 * PICTURE_S)
+        assert b.velocity() == (0.0, 0.0)
+        await asyncio.sleep(60.0)
+        assert (b.velocity(), b.screen.notes, len(b.screen.rang_s)) == ((0.0, 0.0), [DEMANDED, UNANSWERED], 1)
+        await b.press("w")
+        assert b.velocity() == (0.1, 0.0)
+
+
+@pytest.mark.parametrize("key", [PRESENCE_KEY, "a", "d", "1", "?", "r"])
+async def test_any_key_that_counts_renews_vigilance_also_on_demand(key: str) -> None:
+    async with bench() as b:
+        b.serve_reset(TriggerResponse(success=False, message=""))
+        await b.press("w")
+        for wait_s in (VIGILANCE_S - 1.0, VIGILANCE_S + DEMAND_S - 0.2, VIGILANCE_S - 1.0):
+            await asyncio.sleep(wait_s)
+            b.keys.happen(KeyEvent(key))
+            await asyncio.sleep(2 * PICTURE_S)
+            assert b.velocity()[0] > 0.0
+        assert [note for note in b.screen.notes if "key" in note] == [DEMANDED]
+
+
+async def test_enter_does_nothing_but_renew() -> None:
+    async with bench() as b:
+        await b.press("wa")
+        b.keys.happen(KeyEvent(PRESENCE_KEY))
+        await asyncio.sleep(0.2)
+        assert (b.velocity(), b.screen.notes) == ((0.1, 0.2), [])
+
+
+@pytest.mark.parametrize("event", [KeyEvent(FOCUS_OUT), KeyEvent("w", KeyKind.RELEASE)])
+async def test_what_no_finger_pressed_does_not_renew_vigilance(event: KeyEvent) -> None:
+    async with bench() as b:
+        await b.press("w")
+        for _ in range(14):
+            await asyncio.sleep(1.0)
+            b.keys.happen(event)
+        assert b.velocity() == (0.0, 0.0)
+
+
+async def test_a_robot_that_a_stop_holds_needs_a_key_too_because_it_could_drive_on() -> None:
+    async with bench() as b:
+        await b.press("w")
+        b.tell(SafetyStatus.STOPPED, "OBSTACLE", causes=["OBSTACLE"])
+        await asyncio.sleep(VIGILANCE_S + DEMAND_S + PICTURE_S)
+        assert b.velocity() == (0.0, 0.0)
+
+
+async def test_at_rest_no_key_is_demanded() -> None:
+    async with bench() as b:
+        await b.press("ws")
+        await asyncio.sleep(60.0)
+        assert (b.screen.notes, b.screen.rang_s) == ([], [])
+
+
+async def test_a_held_key_and_a_gamepad_need_no_vigilance() -> None:
+    async with bench(_hold(reported=True, ramp=Ramp(1e6, 1e6)), Control.HOLD) as b:
+        await b.press("i")
+        await asyncio.sleep(60.0)
+        assert (b.velocity(), b.screen.notes) == ((0.5, 0.0), [])
+    stick = Stick()
+    async with bench(stick, Control.GAMEPAD) as b:
+        stick.at = Velocity(0.5)
+        await asyncio.sleep(60.0)
+        assert (b.velocity(), b.screen.notes) == ((0.5, 0.0), [])
+
+
+# --- the reset
+
+
 async def test_a_refused_reset_shows_the_supervisors_reason() -> None:
     async with bench() as b:
         b.serve_reset(TriggerResponse(success=False, message="source joy is not neutral\x1b[2J"))
@@ -554,7 +712,7 @@ class Stick:
 
 async def test_a_stick_that_speaks_a_thousand_times_a_second_does_not_flood_and_is_let_go_at_once() -> None:
     stick = Stick()
-    async with bench(stick) as b:
+    async with bench(stick, Control.GAMEPAD) as b:
         for n in range(1, 500):
             stick.at = Velocity(n / 1000)
             b.wake.set()
@@ -812,7 +970,7 @@ async def linked(
 async def test_motion_is_requested_over_a_link_within_the_limit(delays_s: tuple[float, float]) -> None:
     async with linked(*delays_s) as (b, _):
         await b.press("www")
-        await asyncio.sleep(10.0)
+        await asyncio.sleep(VIGILANCE_S - 1.0)
         assert b.velocity() == (pytest.approx(0.3), 0.0)
         assert b.screen.notes == []
         assert sum(delays_s) <= b.view.round_trip_s <= sum(delays_s) + PERIOD_S + INSTANT_S
@@ -869,7 +1027,7 @@ async def test_a_silence_of_the_supervisor_sends_no_neutral_which_would_arm_the_
     async with linked(0.0, 0.0) as (b, supervisor):
         await b.press("w")
         supervisor.speaks = False
-        await asyncio.sleep(10.0)
+        await asyncio.sleep(VIGILANCE_S - 1.0)
         assert (b.velocity(), b.screen.notes) == ((0.1, 0.0), [])
 
 

@@ -1,5 +1,6 @@
 """[teleop] and [teleop.gamepad] of robot.toml, and the part of the supervisor's configuration that the picture needs."""
 
+import math
 import tomllib
 
 import pytest
@@ -11,11 +12,13 @@ from teleop.pilots.config import GamepadSection, TeleopSection
 from teleop.pilots.keyboard import Incremental
 from teleop.pilots.pilot import Ramp, Velocity
 from teleop.screen.top_view import robot_of
-from teleop.screen.view import Robot
+from teleop.screen.view import Control, Robot
+from teleop.service import Setup
 from wire.host.config import ConfigError, section
 
 NUMBERS = [
     "rate_hz",
+    "vigilance_s",
     "linear_step_m_s",
     "angular_step_rad_s",
     "max_linear_m_s",
@@ -49,6 +52,17 @@ def test_without_a_section_the_defaults_are_those_of_the_pilot() -> None:
 def test_no_number_is_an_off_switch(key: str, value: object) -> None:
     with pytest.raises(ConfigError, match=f"teleop.{key}"):
         load(**{key: value})
+
+
+@pytest.mark.parametrize("vigilance_s", [math.nextafter(2.0, 0.0), math.nextafter(120.0, 121.0)])
+def test_a_vigilance_outside_its_range_is_refused_and_its_ends_are_not(vigilance_s: float) -> None:
+    with pytest.raises(ConfigError, match=r"teleop\.vigilance_s.*from 2 to 120"):
+        load(vigilance_s=vigilance_s)
+    assert load(vigilance_s=float(round(vigilance_s))).vigilance_s == round(vigilance_s)
+
+
+def test_the_vigilance_of_a_setup_is_that_of_the_configuration() -> None:
+    assert Setup("", "", Control.INCREMENTAL).vigilance_s == load().vigilance_s
 
 
 @pytest.mark.parametrize("source", ["", "Teleop", "a/b", "*", "1st", "x" * 33])

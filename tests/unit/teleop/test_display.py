@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from teleop.guards import DEMAND_S
 from teleop.pilots.pilot import NEUTRAL, Velocity
-from teleop.screen.display import SILENT_AFTER_S, next_step, render
+from teleop.screen.display import SILENT_AFTER_S, news, next_step, render
 from teleop.screen.view import Control, Line, Tone, View
 from wire.messages import SafetyStatus, header, planar_twist
 
@@ -257,3 +258,23 @@ def test_a_late_answer_is_shown_instead_of_any_mode_but_a_stop() -> None:
     assert text(render(late, 79)) == "LATE: the robot answers after 0.70 s, and the limit is 0.5 s"
     stop = replace(late, status=status(SafetyStatus.STOPPED, reasons=["ESTOP"]))
     assert "STOPPED: ESTOP" in text(render(stop, 79))
+
+
+@pytest.mark.parametrize(
+    ("left_s", "seconds"), [(DEMAND_S, 3), (2.0, 2), (math.nextafter(2.0, 3.0), 3), (0.1, 1), (-1.0, 0)]
+)
+def test_a_demand_for_a_key_counts_down_instead_of_the_mode(left_s: float, seconds: int) -> None:
+    asking = replace(view(status(SafetyStatus.DRIVING)), vigilance_left_s=left_s)
+    assert f"PRESS ENTER: zero in {seconds} s" in text(render(asking, 79))
+    assert news(asking).mode == "PRESS ENTER"
+    assert news(asking).what.endswith(f"zero is sent in {seconds} s")
+
+
+def test_before_the_end_of_vigilance_no_key_is_demanded_and_a_stop_is_shown_first() -> None:
+    attentive = replace(
+        view(status(SafetyStatus.DRIVING)), vigilance_left_s=math.nextafter(DEMAND_S, math.inf)
+    )
+    assert "PRESS" not in text(render(attentive, 79))
+    assert news(attentive).mode == "DRIVING"
+    stop = status(SafetyStatus.STOPPED, reasons=["ESTOP"])
+    assert news(replace(view(stop), vigilance_left_s=0.5)).mode == "STOPPED"

@@ -1,4 +1,4 @@
-"""The guards: refusals, two supervisors, the round trip and the terminal's answers."""
+"""The guards: refusals, two supervisors, the round trip, the terminal's answers and vigilance."""
 
 import heapq
 import math
@@ -11,16 +11,23 @@ from hypothesis import strategies as st
 
 from teleop.guards import (
     ANSWER_LIMIT_S,
+    DEAD_LINK_M,
+    DEMAND_S,
     HOLD_S,
     KEPT_COMMANDS,
     KEPT_RUNS,
     LOCKED_OUT_S,
+    LOST_PERIOD_S,
+    REACTION_S,
+    SETTLING_S,
     TRIES,
     WINDOW_S,
     Pulse,
     Refusals,
     RoundTrip,
     Supervisors,
+    unanswered_limit_m_s,
+    vigilance_left_s,
 )
 from teleop.screen.view import Control
 from teleop.service import Setup
@@ -347,18 +354,18 @@ def test_a_terminal_that_never_answered_is_not_reported_as_lost() -> None:
 def test_a_terminal_that_never_answers_is_queried_a_limited_number_of_times() -> None:
     pulse = Pulse()
     for n in range(TRIES):
-        assert pulse.is_worth_asking
+        assert pulse.is_due(n / 10)
         pulse.ask(n / 10)
-    assert not pulse.is_worth_asking
+    assert not pulse.is_due(9.0)
     pulse.answer(9.0)
-    assert pulse.is_worth_asking
+    assert pulse.is_due(9.0)
 
 
 def test_a_terminal_that_answered_is_lost_just_after_the_limit() -> None:
     pulse = Pulse()
+    pulse.ask(-1.0)
+    pulse.answer(-1.0)
     pulse.ask(0.0)
-    pulse.answer(0.0)
-    pulse.ask(0.1)
     assert not pulse.is_lost(ANSWER_LIMIT_S)
     assert pulse.is_lost(math.nextafter(ANSWER_LIMIT_S, 1.0))
 
@@ -390,6 +397,167 @@ def test_one_answer_restores_a_lost_terminal_and_extra_answers_are_ignored() -> 
     pulse.ask(0.0)
     pulse.answer(0.0)
     pulse.ask(0.1)
+    assert pulse.is_lost(9.0)
     pulse.answer(9.0)
     pulse.answer(9.0)
     assert (pulse.is_lost(9.1), pulse.open) == (False, 0)
+
+
+def test_a_lost_terminal_is_queried_once_in_a_second() -> None:
+    pulse = answering()
+    pulse.ask(10.0)
+    assert pulse.is_due(10.1)
+    assert not pulse.is_due(math.nextafter(10.0 + LOST_PERIOD_S, 0.0))
+    assert pulse.is_due(10.0 + LOST_PERIOD_S)
+
+
+# --- keys that may be old
+
+
+def answering() -> Pulse:
+    """A terminal that has answered."""
+    pulse = Pulse()
+    pulse.ask(0.0)
+    pulse.answer(0.0)
+    return pulse
+
+
+def test_an_answer_to_an_earlier_request_does_not_make_keys_live_and_one_to_a_later_request_does() -> None:
+    pulse = answering()
+    assert pulse.is_live(1.0)
+    pulse.ask(2.0)
+    pulse.doubt(2.0)
+    pulse.ask(math.nextafter(2.0, 3.0))
+    assert not pulse.is_live(7.0), "no time is enough without an answer"
+    pulse.answer(7.0)
+    assert not pulse.is_live(7.0)
+    pulse.answer(7.0)
+    assert pulse.is_live(7.0)
+
+
+def test_an_answer_without_a_request_proves_nothing() -> None:
+    pulse = Pulse()
+    pulse.answer(1.0)
+    assert not pulse.answers
+    pulse = answering()
+    pulse.doubt(2.0)
+    pulse.answer(3.0)
+    assert not pulse.is_live(3.0)
+
+
+def test_on_a_terminal_that_never_answers_keys_are_live_just_after_the_settling_time() -> None:
+    pulse = Pulse()
+    assert pulse.is_live(0.0)
+    pulse.doubt(5.0)
+    assert not pulse.is_live(5.0 + SETTLING_S)
+    assert pulse.is_live(math.nextafter(5.0 + SETTLING_S, 9.0))
+
+
+class DeadLink:
+    """A terminal behind a link that is dead for a while; either side's bytes of that time arrive in order once it heals.
+
+    Ten times a second, the program asks if a request is due, and doubts a terminal that is lost.
+    """
+
+    def __init__(self, delays_s: tuple[float, float], dead_s: tuple[float, float], typed_s: float) -> None:
+        self._delays_s, self._dead_s, self.typed_s = delays_s, dead_s, typed_s
+        self._newest_s = [0.0, 0.0]
+        self._events, self._count = list[tuple[float, int, str]](), 0
+        self.pulse, self.doubted_s = Pulse(), -math.inf
+        self.was_live: bool | None = None
+        self._at(typed_s, "key typed")
+        for number in range(1, round(10 * (dead_s[1] + 8.0))):
+            self._at(number / 10, "picture")
+
+    def _at(self, time_s: float, what: str) -> None:
+        self._count += 1
+        heapq.heappush(self._events, (time_s, self._count, what))
+
+    def _over(self, direction: int, now_s: float, what: str) -> None:
+        began_s, healed_s = self._dead_s
+        leaves_s = healed_s if began_s <= now_s < healed_s else now_s
+        newest_s = max(self._newest_s[direction], leaves_s + self._delays_s[direction])
+        self._newest_s[direction] = math.nextafter(newest_s, math.inf)  # the order of the stream
+        self._at(newest_s, what)
+
+    def run(self) -> None:
+        while self._events:
+            now_s, _, what = heapq.heappop(self._events)
+            match what:
+                case "picture":
+                    is_lost = self.pulse.is_lost(now_s)
+                    if self.pulse.is_due(now_s):
+                        self.pulse.ask(now_s)
+                        self._over(0, now_s, "request shown")
+                    if is_lost:
+                        self.doubted_s = now_s
+                        self.pulse.doubt(now_s)
+                case "request shown":
+                    self._over(1, now_s, "reply")
+                case "key typed":
+                    self._over(1, now_s, "key")
+                case "reply":
+                    self.pulse.answer(now_s)
+                case _:
+                    self.was_live = self.pulse.is_live(now_s)
+                    assert not self.was_live or self.typed_s >= self.doubted_s
+
+
+@given(
+    delays_s=st.tuples(st.floats(0.0, 0.3), st.floats(0.0, 0.3)),
+    dead_s=st.floats(0.0, 30.0),
+    typed_s=st.floats(1.0, 35.0),
+)
+def test_no_key_that_was_typed_before_a_doubt_is_live_whenever_a_dead_link_delivers_it(
+    delays_s: tuple[float, float], dead_s: float, typed_s: float
+) -> None:
+    DeadLink(delays_s, (2.0, 2.0 + dead_s), typed_s).run()
+
+
+@given(dead_s=st.floats(0.5, 30.0), delay_s=st.floats(0.0, 0.3))
+def test_a_key_that_is_typed_on_the_live_screen_counts_again(dead_s: float, delay_s: float) -> None:
+    healed_s = 2.0 + dead_s
+    before = DeadLink((delay_s, delay_s), (2.0, healed_s), math.nextafter(healed_s, 0.0))
+    before.run()
+    assert before.was_live is False
+    after = DeadLink((delay_s, delay_s), (2.0, healed_s), healed_s + 4.0)
+    after.run()
+    assert after.was_live
+
+
+# --- vigilance
+
+
+@given(vigilance_s=st.sampled_from([2.0, 10.0, 120.0]), key_s=st.sampled_from([0.0, 1.0, 4096.0]))
+def test_a_key_is_demanded_at_the_end_of_vigilance_and_zero_is_due_three_seconds_later(
+    vigilance_s: float, key_s: float
+) -> None:
+    demanded_s, zero_s = key_s + vigilance_s, key_s + vigilance_s + DEMAND_S
+
+    def left_s(now_s: float) -> float:
+        return vigilance_left_s(now_s, key_s, vigilance_s, moving=True)
+
+    assert left_s(math.nextafter(demanded_s, -1.0)) >= DEMAND_S == left_s(demanded_s)
+    assert left_s(demanded_s - 1e-9) > DEMAND_S
+    assert left_s(zero_s - 1e-9) > 0.0 == left_s(zero_s)
+    assert left_s(zero_s + 1e9) < 0.0
+
+
+def test_motion_without_any_key_is_at_its_end_and_a_robot_at_rest_needs_none() -> None:
+    assert vigilance_left_s(0.0, -math.inf, 120.0, moving=True) == -math.inf
+    assert vigilance_left_s(1e9, -math.inf, 2.0, moving=False) == math.inf
+
+
+@given(vigilance_s=st.floats(2.0, 120.0), round_trip_limit_s=st.floats(0.2, 10.0))
+def test_behind_a_dead_link_to_a_silent_terminal_the_robot_drives_at_most_a_metre(
+    vigilance_s: float, round_trip_limit_s: float
+) -> None:
+    limit_m_s = unanswered_limit_m_s(vigilance_s, round_trip_limit_s)
+    longest_s = vigilance_s + DEMAND_S + round_trip_limit_s + REACTION_S
+    assert 0.0 < limit_m_s * longest_s <= DEAD_LINK_M
+    assert (limit_m_s + 0.001) * longest_s > DEAD_LINK_M, "not slower than necessary"
+
+
+def test_the_default_limit_of_a_silent_terminal() -> None:
+    setup = Setup("", "", Control.INCREMENTAL)
+    assert unanswered_limit_m_s(setup.vigilance_s, setup.round_trip_limit_s) == 0.071

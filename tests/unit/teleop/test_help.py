@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from teleop.gamepad.pad import Gamepad, Layout
 from teleop.pilots.config import GamepadSection
 from teleop.pilots.keyboard import MOTIONS, SPEEDS, STEPS, Hold, Incremental
-from teleop.pilots.keys import COMMANDS, STOP_KEY, name_of
+from teleop.pilots.keys import COMMANDS, PRESENCE_KEY, STOP_KEY, name_of
 from teleop.pilots.pilot import KeyEvent, Pilot, Ramp, Velocity
 from teleop.screen.controls import LEGENDS, command_for, help_lines, help_page, key_help
 from teleop.screen.dashboard import render_dashboard
@@ -59,7 +59,8 @@ def acts(key: str, control: Control) -> bool:
         return False
     pilot = pilot_of(control)
     before = state_of(pilot)
-    return pilot.on_key(KeyEvent(key), 0.0) and state_of(pilot) != before
+    is_known = pilot.on_key(KeyEvent(key), 0.0)
+    return is_known and (state_of(pilot) != before or key == PRESENCE_KEY)
 
 
 @pytest.mark.parametrize("control", [Control.INCREMENTAL, Control.HOLD, Control.VIEW_ONLY])

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from teleop.pilots.keyboard import DEFAULT_MOST, DEFAULT_STEP, STEPS, Incremental
-from teleop.pilots.keys import LEVEL_KEYS, NO_MOTION, NOT_TYPED, STOP_KEY
+from teleop.pilots.keys import LEVEL_KEYS, NO_MOTION, NOT_TYPED, PRESENCE_KEY, STOP_KEY
 from teleop.pilots.pilot import LEVELS, NEUTRAL, KeyEvent, KeyKind, Pilot, Ramp, Velocity
 
 
@@ -76,7 +76,7 @@ def test_a_key_without_a_function_stops_at_once(key: str) -> None:
     assert is_known or (subject.velocity(0.2), subject.wanted()) == (NEUTRAL, NEUTRAL)
 
 
-@pytest.mark.parametrize("key", [*sorted(NO_MOTION), "R", "Q", "3"])
+@pytest.mark.parametrize("key", [*sorted(NO_MOTION), PRESENCE_KEY, "R", "Q", "3"])
 def test_a_key_of_the_program_and_a_level_do_not_stop(key: str) -> None:
     subject = pilot()
     press(subject, "w")
@@ -98,6 +98,52 @@ def test_the_note_names_the_step_at_the_level_and_small_steps_keep_their_digits(
     assert subject.limit == Velocity(0.6 * 1.0, 0.6 * 2.0)
     small = pilot(Velocity(0.025, 0.2), level=3)
     assert small.note == "each press: 0.015 m/s or 0.12 rad/s"
+
+
+# --- a terminal that answers no status requests
+
+
+def silent() -> tuple[Incremental, list[str]]:
+    """A pilot on a terminal that has not answered, and what it says."""
+    subject, said = Incremental(Ramp(1.0, 4.0), unanswered_m_s=0.071), list[str]()
+    subject.say = said.append
+    return subject, said
+
+
+@given(keys=st.text(alphabet="wxads12345", max_size=30))
+def test_on_a_silent_terminal_no_keys_request_more_than_its_limit_and_turns_are_not_limited(
+    keys: str,
+) -> None:
+    subject, _ = silent()
+    press(subject, keys)
+    assert abs(subject.wanted().linear_m_s) <= 0.071
+    assert subject.wanted().angular_rad_s == after(keys).angular_rad_s
+
+
+def test_the_screen_names_the_limit_of_a_silent_terminal_and_says_the_reason_once() -> None:
+    subject, said = silent()
+    assert subject.limit == Velocity(0.071, 2.0)
+    assert subject.note == "no answer from terminal: 0.071 m/s"
+    press(subject, "a")
+    assert said == []
+    press(subject, "wwsxx")
+    assert said == ["the terminal answers no status requests: at most 0.071 m/s"]
+
+
+def test_the_first_answer_of_the_terminal_permits_all_speeds_but_does_not_change_the_request() -> None:
+    subject, _ = silent()
+    press(subject, "w")
+    subject.rely_on_answers()
+    assert subject.wanted() == Velocity(0.071)
+    press(subject, "w")
+    assert (subject.wanted(), subject.limit) == (Velocity(0.171), Velocity(1.0, 2.0))
+
+
+def test_a_level_below_the_limit_of_a_silent_terminal_is_the_lower_one() -> None:
+    subject = Incremental(Ramp(1.0, 4.0), most=Velocity(0.2, 2.0), unanswered_m_s=0.071)
+    press(subject, "1www")
+    assert subject.limit.linear_m_s == subject.wanted().linear_m_s == pytest.approx(0.04)
+    assert subject.note.startswith("each press")
 
 
 # --- sums of steps
