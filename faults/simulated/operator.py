@@ -6,6 +6,7 @@ from random import Random
 
 from faults.simulated.scenario import Drivers
 from faults.simulated.world import World
+from teleop.pilots.keys import PRESENCE_KEY
 from wire import topics
 from wire.bus import NoReplyError
 from wire.messages import SafetyStatus
@@ -29,6 +30,7 @@ class Operator:
         while True:
             act = self._insist if self._world.scenario.straight and not self.is_patient else self._act
             act()
+            self._show_presence()
             await asyncio.sleep(self._random.uniform(*LOOKS_S))
 
     def _act(self) -> None:
@@ -98,6 +100,12 @@ class Operator:
         more, turn = forward - keyboard.steps[0], left - keyboard.steps[1]
         keyboard.steps = (forward, left)
         keyboard.press(("w" if more > 0 else "x") * abs(more) + ("a" if turn > 0 else "d") * abs(turn))
+
+    def _show_presence(self) -> None:
+        """Press the key that keeps a moving robot moving, also while nothing else is pressed for long."""
+        keyboard = self._world.keyboard
+        if keyboard is not None and keyboard.steps != (0, 0):
+            keyboard.press((PRESENCE_KEY,))
 
     def _press(self, key: str) -> None:
         if self._world.keyboard is not None:

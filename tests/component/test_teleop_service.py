@@ -488,7 +488,7 @@ async def test_any_key_that_counts_renews_vigilance_also_on_demand(key: str) -> 
     async with bench() as b:
         b.serve_reset(TriggerResponse(success=False, message=""))
         await b.press("w")
-        for wait_s in (VIGILANCE_S - 1.0, VIGILANCE_S + DEMAND_S - 0.2, VIGILANCE_S - 1.0):
+        for wait_s in (VIGILANCE_S - 1.0, VIGILANCE_S + DEMAND_S - 0.5, VIGILANCE_S - 1.0):
             await asyncio.sleep(wait_s)
             b.keys.happen(KeyEvent(key))
             await asyncio.sleep(2 * PICTURE_S)

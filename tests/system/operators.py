@@ -117,7 +117,7 @@ class Operator:
         command: the command to run.
         term: the terminal's type.
         kitty: the supported flags of the kitty keyboard protocol; None: not supported.
-        answers: whether it answers status requests.
+        answers: whether it answers status requests, as practically every terminal does.
         environment: the environment, without the terminal's type; None: that of this process.
     """
 
@@ -126,7 +126,7 @@ class Operator:
         *command: str,
         term: str = "xterm-256color",
         kitty: int | None = None,
-        answers: bool = False,
+        answers: bool = True,
         environment: Mapping[str, str] | None = None,
     ) -> None:
         self._master, self.slave = pty.openpty()
@@ -140,6 +140,7 @@ class Operator:
         self.bells = 0
         self.answered = 0
         """Number of the program's status requests that the terminal has answered."""
+        self.unanswered = 0
         self._pending = b""
         self._screens = [pyte.Screen(100, 30), pyte.Screen(100, 30)]
         self._streams = [pyte.ByteStream(screen) for screen in self._screens]
@@ -234,9 +235,10 @@ class Operator:
             return number != "25"
         if final == "u":
             self._on_kitty(private, number)
-        elif (number, final) == ("5", "n") and self.answers:
-            self.type(b"\x1b[0n")
-            self.answered += 1
+        elif (number, final) == ("5", "n"):
+            self.unanswered += 1
+            if self.answers:
+                self.answer_all()
         return final in "un"
 
     def _on_kitty(self, private: str, number: str) -> None:
@@ -253,6 +255,12 @@ class Operator:
 
     def type(self, keys: bytes) -> None:
         os.write(self._master, keys)
+
+    def answer_all(self) -> None:
+        """Answer all open status requests, and all later ones."""
+        self.type(b"\x1b[0n" * self.unanswered)
+        self.answered += self.unanswered
+        self.answers, self.unanswered = True, 0
 
     def key(self, code: int | str, event: int, modifiers: int = 1) -> None:
         """Send a key by the kitty protocol: 1 press, 2 repeat, 3 release."""
@@ -296,7 +304,7 @@ async def operator(
     command: tuple[str, ...] = PATIENT,
     term: str = "xterm-256color",
     kitty: int | None = None,
-    answers: bool = False,
+    answers: bool = True,
 ) -> AsyncGenerator[Operator]:
     made = Operator(
         sys.executable, *command, "--endpoint", endpoint, *arguments, term=term, kitty=kitty, answers=answers
@@ -315,14 +323,11 @@ async def ready(h: Hub, op: Operator, limit_s: float = LIMIT_S) -> None:
 
 @asynccontextmanager
 async def driving(
-    *arguments: str, command: tuple[str, ...] = PATIENT, answers: bool = False
+    *arguments: str, command: tuple[str, ...] = PATIENT
 ) -> AsyncGenerator[tuple[Hub, Operator]]:
     """A connected teleop that requests 0.1 m/s."""
     endpoint = free_endpoint()
-    async with (
-        hub(endpoint) as h,
-        operator(endpoint, *arguments, command=command, answers=answers) as op,
-    ):
+    async with hub(endpoint) as h, operator(endpoint, *arguments, command=command) as op:
         await ready(h, op)
         op.type(b"w")
         await until(lambda: h.asks(0.1, 0.0))

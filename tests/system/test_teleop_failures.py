@@ -88,13 +88,28 @@ async def test_a_picture_that_nobody_reads_stops_the_robot_and_it_can_still_be_e
 
 @pytest.mark.timed
 async def test_a_terminal_that_answers_no_more_stops_the_robot() -> None:
-    async with driving(answers=True) as (h, op):
+    async with driving(command=TELEOP) as (h, op):
         await asks_on(h, op, b"w", 0.1)
         op.answers = False
         assert await until(lambda: h.asks(*ZERO)) < 3.0
-        op.answers = True
+
+
+OLD = "typed while the screen was not seen"
+
+
+@pytest.mark.timed
+async def test_keys_typed_on_a_frozen_screen_are_void_and_the_next_one_on_the_live_screen_counts() -> None:
+    """The link delivers the keys first, then the answers to all requests that it has kept."""
+    async with driving(command=TELEOP) as (h, op):
+        op.answers = False
+        await until(lambda: h.asks(*ZERO))
+        seen = len(h.velocities)
+        op.type(b"www")
+        op.answer_all()
+        await until(lambda: OLD in op.picture)
         answered = op.answered
-        await until(lambda: op.answered > answered)
+        await until(lambda: op.answered > answered + 1)
+        assert set(h.velocities[seen:]) == {ZERO}
         op.type(b"ww")
         await until(lambda: h.asks(0.2, 0.0))
         await asks_on(h, op, b"ww", 0.2)
@@ -187,6 +202,8 @@ async def test_suspended_it_leaves_the_shell_a_terminal_and_comes_back_neutral(h
         op.type(b"fg\n")
         await until(lambda: "back again: the setpoint is zero" in op.picture)
         await ready(h, op)
+        answered = op.answered
+        await until(lambda: op.answered > answered)
         op.type(b"w")
         await until(lambda: h.asks(0.1, 0.0))
         op.type(b"q")
