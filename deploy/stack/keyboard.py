@@ -24,6 +24,12 @@ REQUEST, REPLY = b"\x1b[5n", b"\x1b[0n"
 ESCAPE = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]|[@-Z\\-_])")
 
 
+def requests_in(output: bytes) -> tuple[int, bytes]:
+    """Return the number of status requests, and the last bytes, which may be the beginning of another one."""
+    *requests, rest = output.split(REQUEST)
+    return len(requests), rest[1 - len(REQUEST) :]
+
+
 class TypedTeleop:
     """A teleop process. Its keys and its screen are two terminals, which can be closed separately.
 
@@ -135,10 +141,9 @@ class TypedTeleop:
             self._loop.remove_reader(self._display)
             return
         self.screen = (self.screen + data)[-SCREEN_BYTES:]
-        before, *others = (self._unread + data).split(REQUEST)
-        self._unread = (others[-1] if others else before)[1 - len(REQUEST) :]
-        if others:
-            self._type(REPLY * len(others))
+        requests, self._unread = requests_in(self._unread + data)
+        if requests:
+            self._type(REPLY * requests)
 
 
 @asynccontextmanager
