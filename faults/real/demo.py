@@ -36,6 +36,7 @@ BACK_OUT_KEYS = "s" + "x" * 3
 BACKED_OUT_M = 0.2
 RACK_LIMIT_S = 20.0
 MOVE_LIMIT_S = 5.0
+ENTER, PRESENCE_PERIOD_S = "\r", 5.0
 RACK_TRIES = 3
 """A busy machine may delay a process until the robot stops for another reason than the rack."""
 QUIET_S = 0.6
@@ -240,13 +241,22 @@ async def _drive_at_rack(stage: Stage, say: Say) -> list[Verdict]:
         stage.observer.clear()
         stage.teleop.press(FULL_SPEED_KEYS)
         began_s = time.monotonic()
-        if not await stage.observer.until(lambda seen: _stands(seen, began_s), RACK_LIMIT_S):  # noqa: B023 - called at once
+        if not await _until_it_stands(stage, began_s):
             continue
         await stage.observer.watch(QUIET_S)
         if StopReason.OBSTACLE in stage.observer.look().statuses[-1].reasons:
             return await _back_out(stage, say)
         say("  the robot stopped for another reason; driving again")
     raise StageError(f"the robot did not come to the rack in {RACK_TRIES} drives: is the machine too busy?")
+
+
+async def _until_it_stands(stage: Stage, began_s: float) -> bool:
+    """Wait until the robot has driven and stands; meanwhile, the operator shows presence."""
+    for _ in range(round(RACK_LIMIT_S / PRESENCE_PERIOD_S)):
+        if await stage.observer.until(lambda seen: _stands(seen, began_s), PRESENCE_PERIOD_S):
+            return True
+        stage.teleop.press(ENTER)
+    return False
 
 
 def _stands(seen: Seen, began_s: float) -> bool:

@@ -190,6 +190,8 @@ class Lab:
             await self._do_the_steps()
         elif line == "# press Ctrl-C":
             await self._interrupt()
+        elif line == "# press Enter":
+            self._one.press("\r")
         elif verb == "repeat":
             await self._repeat_until(text.removeprefix("until "))
         elif verb == "press":
