@@ -142,7 +142,7 @@ def test_the_first_answer_of_the_terminal_permits_all_speeds_but_does_not_change
 def test_a_level_below_the_limit_of_a_silent_terminal_is_the_lower_one() -> None:
     subject = Incremental(Ramp(1.0, 4.0), most=Velocity(0.2, 2.0), unanswered_m_s=0.071)
     press(subject, "1www")
-    assert subject.limit.linear_m_s == subject.wanted().linear_m_s == pytest.approx(0.04)
+    assert (subject.limit.linear_m_s, subject.wanted().linear_m_s) == pytest.approx((0.04, 0.04))
     assert subject.note.startswith("each press")
 
 
