@@ -18,12 +18,12 @@ from typing import NoReturn, get_args
 
 from teleop.gamepad.device import GamepadDevice, open_gamepad
 from teleop.gamepad.find import GamepadError
-from teleop.guards import unanswered_limit_m_s
 from teleop.holder import HeldError, about_this_process
 from teleop.pilots.config import Mode, TeleopSection
 from teleop.pilots.keyboard import Hold, Incremental
 from teleop.pilots.keys import Command
 from teleop.pilots.pilot import LEVELS, KeyKind, Pilot, Ramp, Velocity
+from teleop.pilots.vigilance import unanswered_limit_m_s
 from teleop.screen.controls import LEGENDS, command_for, help_lines, key_help
 from teleop.screen.dashboard import render_dashboard
 from teleop.screen.display import render

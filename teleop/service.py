@@ -13,10 +13,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from teleop.guards import DEMAND_S, Refusals, RoundTrip, vigilance_left_s
+from teleop.guards import Refusals, RoundTrip
 from teleop.holder import SENDING_S, HeldError, Holder
 from teleop.pilots.keys import FOCUS_OUT, NOT_TYPED, Command, KeySource, name_of
 from teleop.pilots.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity, amounts
+from teleop.pilots.vigilance import DEMAND_S, vigilance_left_s
 from teleop.rate import TOLERANCE_S, Rate, WarningBell
 from teleop.screen.controls import LEGENDS, command_for, help_lines, key_help
 from teleop.screen.display import cause_in_words

@@ -8,8 +8,8 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-from teleop.guards import DEMAND_S
 from teleop.pilots.pilot import NEUTRAL, Velocity
+from teleop.pilots.vigilance import DEMAND_S
 from wire.messages import LaserScan, Odometry, SafetyStatus, SourceStatus
 from wire.text import bearing_in_words
 

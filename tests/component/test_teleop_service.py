@@ -8,11 +8,11 @@ from typing import Any, cast
 
 import pytest
 
-from teleop.guards import DEMAND_S
 from teleop.holder import ASK_LIMIT_S, POLL_S, SILENT_LIMIT_S, HeldError
 from teleop.pilots.keyboard import Hold, Incremental
 from teleop.pilots.keys import CTRL_C, CTRL_D, CTRL_Z, FOCUS_OUT, PASTED, PRESENCE_KEY, SEVERAL
 from teleop.pilots.pilot import NEUTRAL, RAMP_PERIOD_S, KeyEvent, KeyKind, Pilot, Ramp, Velocity
+from teleop.pilots.vigilance import DEMAND_S
 from teleop.screen.controls import help_lines, key_help
 from teleop.screen.display import render
 from teleop.screen.view import Control, Line, View

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from teleop.guards import DEAD_LINK_M, unanswered_limit_m_s
+from teleop.pilots.vigilance import DEAD_LINK_M, unanswered_limit_m_s
 from tests.system.operators import (
     LIMIT_S,
     PATIENT,

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from teleop.guards import DEMAND_S
 from teleop.pilots.pilot import NEUTRAL, Velocity
+from teleop.pilots.vigilance import DEMAND_S
 from teleop.screen.display import SILENT_AFTER_S, news, next_step, render
 from teleop.screen.view import Control, Line, Tone, View
 from wire.messages import SafetyStatus, header, planar_twist
