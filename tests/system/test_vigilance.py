@@ -1,25 +1,19 @@
-"""The operator's presence: keys on demand, terminals that answer no status requests, and tmux, which answers for a person."""
+"""The operator's presence: keys on demand, terminals that answer no status requests, and programs that answer for a person."""
 
 import asyncio
-import os
-import shlex
-import shutil
 import signal
-import subprocess
 import sys
-import tempfile
-from collections.abc import AsyncGenerator, Callable
-from contextlib import asynccontextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from teleop.pilots.vigilance import DEAD_LINK_M, unanswered_limit_m_s
+from tests.system.multiplexers import behind, needs
 from tests.system.operators import (
     LIMIT_S,
     PATIENT,
     ZERO,
-    Hub,
     Operator,
     free_endpoint,
     hub,
@@ -109,74 +103,59 @@ async def test_key_releases_of_a_terminal_that_answers_no_status_requests_do_not
         assert set(h.velocities[seen:]) == {ZERO}
 
 
-# --- tmux
+# --- tmux, screen and mosh
 
 
-class Tmux:
-    """A teleop in a tmux with a server of its own; the client is in a terminal."""
-
-    def __init__(self, directory: str, *command: str) -> None:
-        self._command = ["tmux", "-S", f"{directory}/socket", "-f", "/dev/null"]
-        environment = {name: value for name, value in os.environ.items() if not name.startswith("TMUX")}
-        words = [*self._command, "new-session", "-x", "100", "-y", "30", shlex.join(command)]
-        self.client = Operator(*words, environment=environment)
-
-    def run(self, *words: str) -> str:
-        done = subprocess.run(
-            [*self._command, *words], capture_output=True, text=True, check=False, timeout=LIMIT_S
-        )
-        return done.stdout
-
-    @property
-    def pane(self) -> str:
-        """What teleop shows, whether or not a client shows it."""
-        return self.run("capture-pane", "-p", "-t", ":0.0")
-
-    def close(self) -> None:
-        self.run("kill-server")
-        self.client.close()
+def _type(keys: bytes) -> Callable[[Operator], object]:
+    return lambda client: client.type(keys)
 
 
-@asynccontextmanager
-async def in_tmux(config: str) -> AsyncGenerator[tuple[Hub, Tmux]]:
-    """A teleop in tmux that requests 0.1 m/s."""
-    endpoint = free_endpoint()
-    with tempfile.TemporaryDirectory(prefix="lifeline-tmux-") as directory:
-        async with hub(endpoint) as h:
-            tmux = Tmux(directory, sys.executable, *PATIENT, "--endpoint", endpoint, "--config", config)
-            try:
-                await until(
-                    lambda: (
-                        h.is_neutral() and (h.tell(SafetyStatus.READY) or "next command moves" in tmux.pane)
-                    ),
-                    2 * LIMIT_S,
-                )
-                tmux.client.type(b"w")
-                await until(lambda: h.asks(0.1, 0.0))
-                yield h, tmux
-            finally:
-                tmux.close()
-
-
-PREFIX = b"\x02"
-DISTRACTIONS: dict[str, Callable[[Operator], object]] = {
+LOST_CLIENT: dict[str, Callable[[Operator], object]] = {
     "client killed": lambda client: client.send(signal.SIGKILL),
     "client stopped": lambda client: client.send(signal.SIGSTOP),
-    "client not read": lambda client: client.look(at=False),
-    "copy mode": lambda client: client.type(PREFIX + b"["),
-    "choose-tree": lambda client: client.type(PREFIX + b"w"),
-    "command prompt": lambda client: client.type(PREFIX + b":"),
-    "another window": lambda client: client.type(PREFIX + b"c"),
+    "terminal not read": lambda client: client.look(at=False),
+}
+TMUX, SCREEN = b"\x02", b"\x01"
+"""Prefix keys."""
+LOSSES = {
+    "tmux": LOST_CLIENT
+    | {
+        "copy mode, which takes SPACE": _type(TMUX + b"[ "),
+        "choose-tree, which takes SPACE": _type(TMUX + b"w "),
+        "command prompt, which takes SPACE": _type(TMUX + b": "),
+        "another window": _type(TMUX + b"c"),
+        "detached": _type(TMUX + b"d"),
+    },
+    "screen": LOST_CLIENT
+    | {
+        "copy mode, which takes SPACE": _type(SCREEN + b"[ "),
+        "command prompt, which takes SPACE": _type(SCREEN + b": "),
+        "another window": _type(SCREEN + b"c"),
+        "detached": _type(SCREEN + b"d"),
+    },
+    "mosh": LOST_CLIENT,
 }
 
 
-@pytest.mark.skipif(shutil.which("tmux") is None, reason="needs tmux")
-@pytest.mark.parametrize("distraction", DISTRACTIONS)
-async def test_behind_a_tmux_that_no_person_sees_the_robot_stops_when_vigilance_ends(
-    config: str, distraction: str
+@pytest.mark.parametrize(
+    ("program", "loss"),
+    [
+        pytest.param(program, loss, marks=needs(program), id=f"{program}, {loss}")
+        for program, losses in LOSSES.items()
+        for loss in losses
+    ],
+)
+async def test_where_a_program_answers_for_the_person_the_robot_stops_when_vigilance_ends(
+    config: str, program: str, loss: str
 ) -> None:
-    async with in_tmux(config) as (h, tmux):
-        DISTRACTIONS[distraction](tmux.client)
-        driven_s = await until(lambda: h.asks(*ZERO))
-        assert driven_s > VIGILANCE_S, "until then, tmux answers for the person"
-        await until(lambda: "no key was pressed on demand" in tmux.pane)
+    endpoint = free_endpoint()
+    command = (sys.executable, *PATIENT, "--endpoint", endpoint, "--config", config)
+    async with hub(endpoint) as h:
+        with behind(program, *command) as client:
+            await ready(h, client, 2 * LIMIT_S)
+            client.type(b"w")
+            await until(lambda: h.asks(0.1, 0.0))
+            LOSSES[program][loss](client)
+            driven_s = await until(lambda: h.asks(*ZERO))
+            assert driven_s > VIGILANCE_S, "until then, the program answers for the person"
+            assert not h.got_estop()
