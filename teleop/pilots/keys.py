@@ -215,6 +215,8 @@ class KeyDecoder:
             yield from self._typed(char)
         elif char == ESCAPE:
             self._state = _State.ESCAPED
+            if state is not _State.GROUND:  # the terminal may answer a status request just after an Escape
+                yield KeyEvent(UNFINISHED)
         elif state is _State.GROUND:
             yield from self._typed(char)
         elif state is _State.ESCAPED:
@@ -224,15 +226,19 @@ class KeyDecoder:
                 yield from self._typed(char)
         elif state is _State.SS3:
             yield from self._typed(_FINALS.get(char, UNKNOWN))
-        elif not "@" <= char <= "~":
+        elif "@" <= char <= "~":
+            yield from self._finished(char)
+        else:
             self._state = _State.CSI
             self._parameters = (self._parameters + char)[:MAX_PARAMETERS]
-        elif (self._parameters, char) == ("201", "~"):
+
+    def _finished(self, final: str) -> Iterator[KeyEvent | Report]:
+        if (self._parameters, final) == ("201", "~"):
             self._is_pasting = False
-        else:
-            found = _sequence(self._parameters, char)
-            if found is not None:
-                yield found
+            return
+        found = _sequence(self._parameters, final)
+        if found is not None:
+            yield found
 
     def _typed(self, char: str) -> Iterator[KeyEvent]:
         is_pressed = char in ALWAYS_KEYS or not self.tells_releases

@@ -94,25 +94,57 @@ async def test_a_terminal_that_answers_no_more_stops_the_robot() -> None:
         assert await until(lambda: h.asks(*ZERO)) < 3.0
 
 
-OLD = "typed while the screen was not seen"
+OLD = "screen was not seen"  # the picture breaks the line before
+
+
+async def void_until_a_later_picture_is_answered(h: Hub, op: Operator) -> None:
+    """Deliver keys and then the answers to all requests, as a link that held both back; then type on the live screen."""
+    seen = len(h.velocities)
+    op.type(b"www")
+    op.answer_all()
+    await until(lambda: OLD in op.picture)
+    answered = op.answered
+    await until(lambda: op.answered > answered + 1)
+    assert set(h.velocities[seen:]) <= {ZERO}
+    op.type(b"ww")
+    await until(lambda: h.asks(0.2, 0.0))
 
 
 @pytest.mark.timed
 async def test_keys_typed_on_a_frozen_screen_are_void_and_the_next_one_on_the_live_screen_counts() -> None:
-    """The link delivers the keys first, then the answers to all requests that it has kept."""
     async with driving(command=TELEOP) as (h, op):
         op.answers = False
         await until(lambda: h.asks(*ZERO))
-        seen = len(h.velocities)
-        op.type(b"www")
-        op.answer_all()
-        await until(lambda: OLD in op.picture)
-        answered = op.answered
-        await until(lambda: op.answered > answered + 1)
-        assert set(h.velocities[seen:]) == {ZERO}
-        op.type(b"ww")
-        await until(lambda: h.asks(0.2, 0.0))
+        await void_until_a_later_picture_is_answered(h, op)
         await asks_on(h, op, b"ww", 0.2)
+
+
+@pytest.mark.timed
+async def test_keys_that_a_link_delivers_after_a_stop_of_teleop_are_void_although_they_are_read_later() -> (
+    None
+):
+    async with driving(command=TELEOP) as (h, op):
+        op.answers = False
+        op.send(signal.SIGSTOP)
+        await until(lambda: state_of(op.process.pid) == "T")
+        await asyncio.sleep(0.3)  # the hang itself
+        op.send(signal.SIGCONT)
+        await until(lambda: "teleop hung" in op.output and h.asks(*ZERO))
+        await void_until_a_later_picture_is_answered(h, op)
+
+
+@pytest.mark.timed
+@pytest.mark.parametrize("stalled_s", [0.05, 0.2, 0.5])
+async def test_keys_typed_during_a_short_stall_of_the_link_all_count(stalled_s: float) -> None:
+    async with driving(command=TELEOP) as (h, op):
+        for _ in range(4):
+            op.type(b"s")
+            await until(lambda: h.asks(*ZERO))
+            op.look(at=False)
+            await asyncio.sleep(stalled_s)  # the stall itself
+            op.type(b"www")
+            op.look(at=True)
+            await until(lambda: h.asks(0.3, 0.0))
 
 
 async def asks_on(h: Hub, op: Operator, keys: bytes, linear_m_s: float) -> None:

@@ -18,6 +18,7 @@ from teleop.pilots.keys import (
     PASTED,
     PLAIN,
     SEVERAL,
+    UNFINISHED,
     UNKNOWN,
     Command,
     KeyDecoder,
@@ -176,7 +177,12 @@ def test_parameters_without_end_are_no_key_and_fill_no_memory() -> None:
     decoder = KeyDecoder()
     assert decoder.feed(b"\x1b[" + b"1" * 100_000) == []
     assert len(decoder._parameters) == MAX_PARAMETERS  # pyright: ignore[reportPrivateUsage]
-    assert decoder.feed(b"\x1b[32u") == [KeyEvent(" ")]
+    assert decoder.feed(b"\x1b[32u") == [KeyEvent(UNFINISHED), KeyEvent(" ")]
+
+
+@pytest.mark.parametrize("begun", [b"\x1b", b"\x1b[", b"\x1b[1;", b"\x1bO"])
+def test_an_escape_that_the_reply_to_a_status_request_follows_is_still_an_unknown_key(begun: bytes) -> None:
+    assert KeyDecoder().feed(begun + b"\x1b[0n") == [KeyEvent(UNFINISHED), Report(ReportKind.WELL)]
 
 
 def test_a_plain_character_where_releases_are_reported_was_not_pressed_unless_it_stops() -> None:
