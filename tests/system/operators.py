@@ -27,6 +27,8 @@ from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
 LIMIT_S = 20.0
 """Time limit for expected events on a loaded machine."""
+INITIAL_DELAY_S, INTERVAL_S = 0.25, 0.033
+"""Of the repeats of a held key."""
 ROOT = Path(__file__).parents[2]
 ZERO = (0.0, 0.0)
 ALL_MODES = tuple[Any, ...]
@@ -77,6 +79,13 @@ class Hub:
     def gaps_s(self) -> list[float]:
         """The changes of velocity."""
         return [after - before for before, after in itertools.pairwise(self._arrivals_s)]
+
+    def requested_since(self, since_s: float) -> tuple[float, float]:
+        """Return the time until the newest command arrived [s], and the distance that was requested until then [m]."""
+        speeds_m_s = [linear_m_s for linear_m_s, _ in self.velocities]
+        times_s = [max(since_s, arrival_s) for arrival_s in self._arrivals_s]
+        spans = zip(speeds_m_s, itertools.pairwise(times_s), strict=False)
+        return times_s[-1] - since_s, sum(speed * (end_s - start_s) for speed, (start_s, end_s) in spans)
 
     def asks(self, linear_m_s: float, angular_rad_s: float) -> bool:
         return self.velocities[-1:] == [(linear_m_s, angular_rad_s)]
@@ -319,6 +328,16 @@ async def operator(
 async def ready(h: Hub, op: Operator, limit_s: float = LIMIT_S) -> None:
     """Wait until a neutral teleop shows that its keys count; until then, the hub reports READY again and again."""
     await until(lambda: h.is_neutral() and (op.keys_count or h.tell(SafetyStatus.READY)), limit_s)
+
+
+async def hold_down(op: Operator, key: bytes, condition: Callable[[], bool]) -> None:
+    """Repeat a key, like a terminal without releases, until a condition holds."""
+    op.type(key)
+    await asyncio.sleep(INITIAL_DELAY_S)
+    async with asyncio.timeout(LIMIT_S):
+        while not condition():
+            op.type(key)
+            await asyncio.sleep(INTERVAL_S)
 
 
 @asynccontextmanager

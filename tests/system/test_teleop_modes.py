@@ -1,15 +1,14 @@
 """`python -m teleop --mode hold`, `--view-only` and the dashboard, on terminals with different abilities."""
 
 import asyncio
-from collections.abc import Callable
 
 from tests.system.operators import (
     LIMIT_S,
     ZERO,
     Hub,
-    Operator,
     driving,
     free_endpoint,
+    hold_down,
     hub,
     operator,
     ready,
@@ -21,23 +20,12 @@ from wire.zenoh.bus import BusConfig, open_bus
 
 ALL_FLAGS = 31
 DISAMBIGUATE_ALONE = 1
-INITIAL_DELAY_S, INTERVAL_S = 0.25, 0.033
 HEARTBEATS_OF_A_TAP = 8
 """In their time, 0.4 s, a tap that moved the robot would have done so."""
 
 
 def is_moving(h: Hub) -> bool:
     return h.velocities[-1:] not in ([], [ZERO])
-
-
-async def hold_down(op: Operator, key: bytes, condition: Callable[[], bool]) -> None:
-    """Repeat a key, like a terminal without releases, until a condition holds."""
-    op.type(key)
-    await asyncio.sleep(INITIAL_DELAY_S)
-    async with asyncio.timeout(LIMIT_S):
-        while not condition():
-            op.type(key)
-            await asyncio.sleep(INTERVAL_S)
 
 
 async def test_holding_where_the_terminal_reports_releases() -> None:
