@@ -45,7 +45,8 @@ def _start_screen(directory: Path, command: tuple[str, ...]) -> Started:
 
 
 def _start_mosh(_: Path, command: tuple[str, ...]) -> Started:
-    server = ("mosh-server", "new", "-i", "127.0.0.1", "--", *command)
+    there = ("env", f"--chdir={ROOT}", *command)  # mosh-server changes to the home directory
+    server = ("mosh-server", "new", "-i", "127.0.0.1", "--", *there)
     said = _run(*server, environment=_environment(TERM="xterm-256color"))
     port, key = re.findall(r"MOSH CONNECT (\d+) (\S+)", said.stdout)[0]
     pid = int(re.findall(r"pid = (\d+)", said.stderr)[0])

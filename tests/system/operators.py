@@ -34,6 +34,15 @@ ZERO = (0.0, 0.0)
 ALL_MODES = tuple[Any, ...]
 TELEOP = ("-m", "teleop")
 PATIENT = ("-m", "tests.system.patient_teleop")
+HANG_LIMIT_S = 2.0
+TOLERANT = (
+    "-c",
+    f"""
+from teleop import __main__, service
+service.HANG_S = {HANG_LIMIT_S}  # a busy machine alone must not exceed it
+__main__.main()
+""",
+)
 
 SEQUENCE = re.compile(rb"\x1b\[([<>?=]?)([0-9;]*)([@-~])")
 UNFINISHED = re.compile(rb"\x1b(\[[<>?=0-9;]*)?\Z")

@@ -15,7 +15,7 @@ from teleop.service import Setup
 from tests.system.multiplexers import behind, needs
 from tests.system.operators import (
     LIMIT_S,
-    TELEOP,
+    TOLERANT,
     ZERO,
     Hub,
     Operator,
@@ -95,12 +95,12 @@ async def cost(loss: Loss) -> tuple[float, float]:
     async with AsyncExitStack() as stack:
         h = await stack.enter_async_context(hub(endpoint))
         if loss.program:
-            op = stack.enter_context(behind(loss.program, sys.executable, *TELEOP, "--endpoint", endpoint))
+            op = stack.enter_context(behind(loss.program, sys.executable, *TOLERANT, "--endpoint", endpoint))
         else:
             terminal = operator(
                 endpoint,
                 *loss.options,
-                command=TELEOP,
+                command=TOLERANT,
                 term=loss.term,
                 kitty=loss.kitty,
                 answers=loss.answers,

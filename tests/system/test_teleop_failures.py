@@ -16,9 +16,11 @@ import pytest
 
 from teleop.screen.view import Control
 from tests.system.operators import (
+    HANG_LIMIT_S,
     LIMIT_S,
     PATIENT,
     TELEOP,
+    TOLERANT,
     ZERO,
     Hub,
     Operator,
@@ -32,14 +34,6 @@ from tests.system.operators import (
 from tests.system.process_state import children_of, state_of
 
 ALL_KITTY_FLAGS = 31
-
-HANG_LIMIT_S = 2.0
-WITH_HANG_LIMIT = f"""
-from teleop import __main__, service
-service.HANG_S = {HANG_LIMIT_S}  # a busy machine alone must not exceed it
-__main__.main()
-"""
-
 BROKEN = """
 import asyncio
 from teleop import __main__, service
@@ -159,7 +153,7 @@ async def asks_on(h: Hub, op: Operator, keys: bytes, linear_m_s: float) -> None:
 
 
 async def test_a_hang_leaves_the_keys_typed_meanwhile_without_effect() -> None:
-    async with driving(command=("-c", WITH_HANG_LIMIT)) as (h, op):
+    async with driving(command=TOLERANT) as (h, op):
         op.send(signal.SIGSTOP)
         await until(lambda: state_of(op.process.pid) == "T")
         op.type(b"www")
