@@ -16,7 +16,7 @@ from ros2.ros import Ros
 from ros2.service import Ros2Service
 from wire.host.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.host.config import BusSection, ConfigError, Section, read_sections
-from wire.host.notify import take_notifier
+from wire.host.notify import TURN_LIMIT_S, take_notifier
 from wire.host.pauses import SuspendMeter
 from wire.host.process import run_process
 from wire.inbox import BusError
@@ -55,7 +55,7 @@ def main() -> None:
     except ConfigError as error:
         refuse("ros2", error)
     log_to_stderr()
-    notifier = take_notifier(os.environ)
+    notifier = take_notifier(os.environ, TURN_LIMIT_S)
     make_node = _over_zenoh(config, bus_section) if config.rmw == "zenoh" else _over_dds(config)
 
     if arguments.check_base:

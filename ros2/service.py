@@ -100,7 +100,7 @@ class Ros2Service:
         command_timeout_s: the supervisor's command timeout, for commands that are adapted here.
         lidar_topics: the wire topics of the lidars, in the order of `[ros2] scan`.
         suspended_s: returns how long the machine was suspended since the last call [s].
-        notifier: reports to systemd in each turn of the loop; None reports nothing.
+        notifier: reports in each turn that the loop runs; None reports nothing.
     """
 
     def __init__(

@@ -3,6 +3,7 @@
 import argparse
 import asyncio
 import logging
+import os
 import sys
 from collections.abc import Callable
 
@@ -16,6 +17,7 @@ from sim.service import SimService
 from sim.viewer import NoDisplayError, has_display, open_viewer
 from wire.host.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.host.config import BusSection, ConfigError, section
+from wire.host.notify import TURN_LIMIT_S, take_notifier
 from wire.host.pauses import SuspendMeter
 from wire.host.process import run_process
 from wire.roles import Role
@@ -86,6 +88,7 @@ def main() -> None:
     except (ConfigError, TimeRequestError, FaultError, NoDisplayError, SceneError) as error:
         refuse("sim", error)
     log_to_stderr()
+    notifier = take_notifier(os.environ, TURN_LIMIT_S)
 
     async def run(stop: asyncio.Event) -> int:
         def on_wait() -> None:
@@ -103,7 +106,14 @@ def main() -> None:
         try:
             _log.info("connected to %s", bus_section.endpoint)
             service = SimService(
-                bus, config, plant, window, speed=speed, faults=faults, suspended_s=SuspendMeter().suspended_s
+                bus,
+                config,
+                plant,
+                window,
+                speed=speed,
+                faults=faults,
+                suspended_s=SuspendMeter().suspended_s,
+                notifier=notifier,
             )
             await service.run(stop)
         finally:

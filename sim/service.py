@@ -42,6 +42,7 @@ from sim.sensor_faults import (
 )
 from wire import topics
 from wire.bus import Arrival, Bus, Publisher, woken_by
+from wire.host.notify import Notifier
 from wire.host.pauses import never_suspended
 from wire.messages import LaserScan, Point, SafetyStatus, TriggerResponse, Twist
 from wire.watchdog import BaseReason, Watchdog
@@ -87,6 +88,7 @@ class SimService:
         speed: initial simulated seconds per second.
         faults: initial sensor faults.
         suspended_s: returns how long the machine was suspended since the last call [s].
+        notifier: reports in each turn that the loop runs; None reports nothing.
     """
 
     def __init__(
@@ -99,8 +101,10 @@ class SimService:
         speed: float = 1.0,
         faults: SensorFaults = NO_FAULTS,
         suspended_s: Callable[[], float] = never_suspended,
+        notifier: Notifier | None = None,
     ) -> None:
         self._bus = bus
+        self._notifier = Notifier() if notifier is None else notifier
         self._config = config
         self._plant = plant
         self._on_frame = on_frame
@@ -190,7 +194,9 @@ class SimService:
                     self._next_report_s = now_s + REPORT_S
                     self._measure(now_s)
                     self._diagnostics_out.put(to_diagnostics(self._health()))
+                self._notifier.running(now_s)
         finally:
+            self._notifier.stopping()
             stopping.cancel()
             self._end_of_single_steps()
             token.withdraw()

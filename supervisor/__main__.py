@@ -18,7 +18,7 @@ from supervisor.estop_record import EstopRecord, RecordFiles, record_path
 from supervisor.service import SupervisorService
 from wire.host.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.host.config import BaseSection, BusSection, ConfigError, Section, read_sections
-from wire.host.notify import take_notifier
+from wire.host.notify import TURN_LIMIT_S, take_notifier
 from wire.host.pauses import SuspendMeter
 from wire.host.process import run_process
 from wire.host.process_limits import bound_memory
@@ -74,7 +74,7 @@ def main() -> None:
     except ConfigError as error:
         refuse("supervisor", error)
     log_to_stderr()
-    notifier = take_notifier(os.environ)
+    notifier = take_notifier(os.environ, TURN_LIMIT_S)
 
     async def run(stop: asyncio.Event) -> int:
         bus_config = replace(bus_section.to_bus_config(), contract=contract)

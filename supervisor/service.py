@@ -61,7 +61,7 @@ class SupervisorService:
         black_box: records every step; None disables recording.
         estop_record: keeps a pressed e-stop across restarts; with None, the robot does not move.
         suspended_s: returns how long the machine was suspended since the last call [s].
-        notifier: reports to systemd after each decision; None reports nothing.
+        notifier: reports that the loop runs, after each decision; None reports nothing.
     """
 
     def __init__(
