@@ -196,8 +196,10 @@ async def _hold(bus: BusConfig, source: str, program: str, child: BoundChild, no
         child.abandon()
         return stopped.result()
     session = opening.result()
-    token = session.declare_alive(f"{source}{topics.EXEC_SUFFIX}")
-    await _check_alone(session, bus, source)
+    node = f"{source}{topics.EXEC_SUFFIX}"
+    session.declare_alive(node, session.run_id)
+    token = session.declare_alive(node)
+    await _check_alone(session, source)
     ended = asyncio.Event()
     loop.add_reader(child.descriptor, partial(_on_end, token, ended))
     if stopped.done():
@@ -240,16 +242,20 @@ def _on_end(token: Token, ended: asyncio.Event) -> None:
         ended.set()
 
 
-async def _check_alone(session: ZenohSession, bus: BusConfig, source: str) -> None:
+async def _check_alone(session: ZenohSession, source: str) -> None:
     """Refuse to be the second holder of a token: the token would remain when the first holder ends.
 
     Raises:
         BusError: another session holds it.
     """
-    key = f"{bus.namespace}/{topics.alive(f'{source}{topics.EXEC_SUFFIX}')}"
-    network = network_of(await session.declarations())
-    holders = [s for s in network.sessions if key in s.tokens and s.session_id != session.session_id]
-    if holders:
-        holder = holders[0]
-        where = f"as process {pid_in(holder.session_id)}" if holder.is_at_socket else f"at {holder.address}"
+    others = await session.holders(f"{source}{topics.EXEC_SUFFIX}") - {session.run_id}
+    if others:
+        network = network_of(await session.hub_entry())
+        holder = next((s for s in network.sessions if bytes.fromhex(s.session_id.zfill(32)) in others), None)
+        if holder is None:
+            where = "behind a router"
+        elif holder.is_at_socket:
+            where = f"as process {pid_in(holder.session_id)}"
+        else:
+            where = f"at {holder.address}"
         raise BusError(f"another `lifeline ros2 exec --source {source}` runs already, {where}: end it first")

@@ -25,7 +25,13 @@ BEHIND_A_ROUTER = (Role.OPERATOR, Role.ESTOP)
 LOCAL_LINK = "unixsock-stream"
 UNPROVEN_LINK = "tcp"
 ADMIN_SPACE = "@/**"
-"""Zenoh's own report of sessions and declarations, for the inspection tools; it is read-only."""
+"""Zenoh's own report of sessions and declarations, for the inspection tools; it is read-only.
+
+The hub replies for each declaration while it holds the read lock of its routing tables. A declaration that arrives
+meanwhile stops its routing without end (pull request 2619 of eclipse-zenoh/zenoh), and the robot with it.
+"""
+HUB_ENTRY = "@/*/peer"
+"""The hub's entry in the admin space: its sessions and their links. It is read without that lock."""
 NODE_TOKENS = "@ros2_lv/*/*/*/*/NN/*/*/*"
 """The key expression of the tokens of ROS 2 nodes with rmw_zenoh (docs/design.md of github.com/ros2/rmw_zenoh):
 
@@ -72,6 +78,13 @@ class Grant:
     """Full key expressions, including the namespace."""
 
 
+INSPECTION = (Grant(("query",), "ingress", (ADMIN_SPACE,)), Grant(("reply",), "egress", (ADMIN_SPACE,)))
+"""To read all of the admin space, for proven participants: those with a certificate, and the programs of the hub's user.
+
+A viewer must not be able to stop the robot.
+"""
+
+
 def access_control(
     namespace: str, contract: Contract, unproven: Iterable[Role] = (Role.VIEWER,)
 ) -> dict[str, object]:
@@ -86,7 +99,10 @@ def access_control(
     for role in Role:
         if role is not Role.SUPERVISOR:
             names = [common_name(role, namespace), common_name(role, ANY)]
-            allowed.add({"id": role.value, "cert_common_names": names}, grants_of(role, namespace, contract))
+            of_certificate = list(grants_of(role, namespace, contract))
+            if role not in {Role.VIEWER, Role.ROUTER}:
+                of_certificate.extend(INSPECTION)
+            allowed.add({"id": role.value, "cert_common_names": names}, of_certificate)
     for name, link, roles in (
         ("local", LOCAL_LINK, LOCAL_ROLES),
         ("unproven", UNPROVEN_LINK, tuple(unproven)),
@@ -94,6 +110,8 @@ def access_control(
         every = [grant for role in roles for grant in grants_of(role, namespace, contract)]
         if {*roles} >= {*LOCAL_ROLES}:
             every.append(_unknown_sources(namespace))
+        if link == LOCAL_LINK:
+            every.extend(INSPECTION)
         allowed.add({"id": name, "link_protocols": [link]}, dict.fromkeys(every))
     return allowed.settings()
 
@@ -152,14 +170,14 @@ def grants_of(role: Role, namespace: str, contract: Contract) -> Iterator[Grant]
         for behind in BEHIND_A_ROUTER:
             yield from written_by(behind, namespace, contract)
         return
-    yield Grant(("put", "query", "reply"), "egress", (everything, ADMIN_SPACE))
+    yield Grant(("put", "query", "reply"), "egress", (everything, HUB_ENTRY))
     yield Grant(
         ("liveliness_token", "liveliness_query", "declare_liveliness_subscriber"),
         "egress",
         ("**", ROS2_TOKENS),
     )
     yield Grant(("liveliness_query", "declare_liveliness_subscriber"), "ingress", (alive, ROS2_TOKENS))
-    yield Grant(("query",), "ingress", (ADMIN_SPACE,))
+    yield Grant(("query",), "ingress", (HUB_ENTRY,))
     yield from written_by(role, namespace, contract)
 
 

@@ -5,6 +5,7 @@ It must never be installed in the same environment as Lifeline: both have an imp
 
 import http.client
 import os
+import re
 import shutil
 import signal
 import socket
@@ -26,6 +27,9 @@ REQUIREMENT = "supervisor==4.3.0"
 CONFIGURATION = Path(__file__).resolve().parents[1] / "supervisord.conf"
 PLUGIN = CONFIGURATION.with_name("supervisord_plugin")
 """The only directory of Lifeline from which supervisord imports."""
+BEGIN_OF_LOG = "supervisord started with pid"
+HUNG = re.compile(r"^(\S+ \S+),\d+ \w+ exited: (\w+) \(terminated by SIGALRM", re.MULTILINE)
+"""The line of supervisord's log for a program that the kernel ended because it hung (wire/host/notify.py): when, and which."""
 START_LIMIT_S = 20.0
 FETCH_LIMIT_S = 180.0
 ANSWER_LIMIT_S = 3.0
@@ -174,6 +178,15 @@ def programs(state: StateDir) -> list[Program] | None:
     if answer is None:
         return None
     return [Program(p["name"], p["statename"], int(p["pid"]), int(p["start"])) for p in answer if p["start"]]
+
+
+def hangs(state: StateDir) -> list[tuple[str, str]]:
+    """Return when a program hung and was ended since supervisord started, and which one; empty if there is no log."""
+    try:
+        log = state.log("supervisord").read_text(errors="replace")
+    except OSError:
+        return []
+    return HUNG.findall(log.rpartition(BEGIN_OF_LOG)[2])
 
 
 def shutdown(state: StateDir) -> bool:

@@ -91,6 +91,8 @@ class Observed:
     """Why the state directory cannot be used."""
     is_stale: bool = False
     """Whether the state directory has a record of a stack that does not run."""
+    hangs: Sequence[tuple[str, str]] = ()
+    """When a program hung and was ended by the kernel, and which one."""
     is_estop_recorded: bool = False
     """Whether an e-stop of an earlier run is latched on disk."""
     estop_pressed_by: str = ""
@@ -109,6 +111,8 @@ class Observed:
     """The command that starts teleop for this robot."""
     namespace: str = "robot"
     nodes: Sequence[Node] = ()
+    nodes_problem: str = ""
+    """Why they are not known."""
     traffic: Traffic = field(default_factory=Traffic)
     known: dict[str, Topic[Any]] = field(default_factory=dict[str, Topic[Any]])
     status: SafetyStatus | None = None
@@ -201,8 +205,22 @@ def _connection(seen: Observed) -> Iterator[Finding]:
         yield problem("supervisor", what, "start the robot with `lifeline up`")
 
 
+def _hangs(seen: Observed) -> Iterator[Finding]:
+    last = {program: when for when, program in seen.hangs}
+    for program, number in Counter(program for _, program in seen.hangs).items():
+        times = "once" if number == 1 else f"{number} times"
+        yield note(
+            "hangs",
+            f"{program} hung {times}, was ended by the kernel and started again, last at {last[program]}",
+            "see the end of its log at that time, and the known causes in docs/crash-safety.md",
+        )
+
+
 def _nodes(seen: Observed) -> Iterator[Finding]:
     if not seen.is_connected:
+        return
+    if seen.nodes_problem:
+        yield note("nodes", f"not checked: {seen.nodes_problem}")
         return
     read_by_others = {key for node in seen.nodes if node.session.address for key in node.session.reads}
     named = _named(seen)
@@ -357,7 +375,7 @@ def _stop(seen: Observed) -> Iterator[Finding]:
             yield problem("status", "the supervisor sends no status", "restart the supervisor")
         return
     mode = mode_name(status)
-    neutral = GO_NEUTRAL if _present(seen) or not _sources(seen) else "start a command source"
+    neutral = GO_NEUTRAL if _present(seen) or seen.nodes_problem or not _sources(seen) else "start a command source"
     if status.mode != SafetyStatus.STOPPED:
         yield ok("mode", f"{mode}: {_who(status)}")
     causes, latched = status.causes_and_latched()
@@ -433,6 +451,7 @@ CHECKS: tuple[Callable[[Observed], Iterator[Finding]], ...] = (
     _configuration,
     _state,
     _connection,
+    _hangs,
     _nodes,
     _ros2,
     _writers,

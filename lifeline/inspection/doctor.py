@@ -89,6 +89,7 @@ def _at_rest(launch: Launch, state: StateDir) -> Observed:
     seen.silence = silence_of(launch.bus.endpoint)
     is_ours = seen.silence is None or launch.is_started(state)
     seen.is_stale = is_ours and state.record.exists() and supervisord.programs(state) is None
+    seen.hangs = supervisord.hangs(state) if is_ours else ()
     seen.is_estop_recorded = seen.silence is None and is_recorded(state.path, launch.bus.namespace)
     seen.estop_pressed_by = pressed_by(state.path, launch.bus.namespace)
     return seen
@@ -138,8 +139,8 @@ async def _listen(seen: Observed, robot: Robot, seconds: float) -> None:
             )
     try:
         seen.nodes = await robot.nodes()
-    except DeployError:
-        seen.nodes = ()
+    except DeployError as error:
+        seen.nodes_problem = str(error)
 
 
 def _terminal() -> Terminal | None:

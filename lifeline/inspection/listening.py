@@ -69,12 +69,13 @@ class Robot:
         """Return all nodes except this command.
 
         Raises:
-            DeployError: the supervisor reports no connections.
+            DeployError: this program may not read the supervisor's report of them.
         """
         network = network_of(await self.bus.declarations())
         if not network.hub:
             raise DeployError(
-                "the supervisor does not report its connections: run the same version of Lifeline on both sides"
+                "the supervisor reports who reads and writes what only to programs of its own user, and to certificates other "
+                "than a viewer's: run this command as that user on the supervisor's machine, or with such a certificate"
             )
         endpoint = self.launch.bus.endpoint
         processes = processes_at(addresses(network, endpoint)) | processes_with(claimed_pids(network))

@@ -253,6 +253,37 @@ async def test_every_role_may_read_the_robots_keys_and_tokens_and_nothing_else(r
         assert (bridged, outside, alive) == ({"robot/cmd_vel"}, set(), {"robot/alive/supervisor"})
 
 
+async def test_only_at_the_socket_does_the_hub_report_declarations() -> None:
+    """While it reports them, a declaration can stop its routing (pull request 2619 of eclipse-zenoh/zenoh)."""
+    for unproven in ((Role.VIEWER,), LOCAL_ROLES):
+        endpoint = free_endpoint()
+        hub = await open_session(BusConfig(endpoint, contract=CONTRACT, unproven=unproven), "hub")
+        plain, local = [
+            await asyncio.to_thread(open_rogue, there) for there in (endpoint, participants(endpoint))
+        ]
+        own = f"@/{hub.info.zid()}/peer"
+        declared = f"{own}/subscriber/robot/scan"
+        try:
+            subscribers = [client.declare_subscriber("robot/scan") for client in (plain, local)]
+            barrier(plain)
+            barrier(local)
+
+            def reported(client: zenoh.Session, asked: str, prefix: str = own) -> set[str]:
+                replies = client.get(asked, timeout=10.0, consolidation=zenoh.ConsolidationMode.NONE)
+                keys = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+                return {key for key in keys if key.startswith(prefix)}
+
+            for asked in ("@/**", "@/*/peer/**", f"{own}/**", "@/*/peer/*/**", "@/*/peer/subscriber/**", declared):
+                assert reported(plain, asked) == set(), asked
+                assert declared in reported(local, asked), asked
+            for client in (plain, local):
+                assert reported(client, "@/*/peer") == reported(client, own) == {own}
+            assert len(subscribers) == 2
+        finally:
+            for session in (plain, local, hub):
+                session.close()  # pyright: ignore[reportUnknownMemberType]
+
+
 def _answer(query: zenoh.Query) -> None:
     with query:
         query.reply(query.key_expr if "*" not in str(query.key_expr) else "robot/cmd_vel", b"answer")

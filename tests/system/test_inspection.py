@@ -419,6 +419,24 @@ def test_doctor_finds_what_prevents_motion(shared: Robot) -> None:
     assert (consequence["verdict"], consequence["remedy"]) == ("note", "")
 
 
+def test_a_program_that_does_not_reach_the_socket_is_shown_in_one_sentence_what_it_may_not_see(
+    shared: Robot, tmp_path: Path
+) -> None:
+    """As one of another user: it connects over TCP."""
+    apart = shared.environment | {"LIFELINE_RUN_DIR": str(tmp_path / "apart")}
+    words = ["--endpoint", shared.endpoint]
+    for name in (["node", "list"], ["topic", "info", "scan"], ["topic", "list"], ["graph"], ["pid", "sim"]):
+        code, output, errors = run_here([*name, *words], apart)
+        assert (code, output) == (EXIT_REFUSED, ""), name
+        assert "only to programs of its own user" in errors
+        assert len(errors.splitlines()) == 1
+    code, output, _ = run_here(["doctor", "--seconds", "1", "--json", *words], apart)
+    (nodes,) = (one for one in json.loads(output) if one["check"] == "nodes")
+    assert nodes["verdict"] == "note"
+    assert "run this command as that user" in nodes["what"]
+    assert not any(one["check"] in {"base", "command source"} for one in json.loads(output))
+
+
 async def test_doctor_distinguishes_a_supervisor_that_hangs_from_another_program(tmp_path: Path) -> None:
     async with standing(tmp_path) as subject:
         pid = subject.pid("supervisor")

@@ -19,7 +19,7 @@ async def main(endpoint: str, number: int) -> None:
     sessions = [ZenohSession(await open_session(config, "client"), config.namespace) for _ in range(number)]
     for session in sessions:
         session.hear(f"{config.namespace}/**", _ignore)
-    await sessions[-1].declarations()  # the hub has received all that was declared before
+    await sessions[-1].hub_entry()  # the hub has received all that was declared before
     print("watching", flush=True)
     threading.Event().wait()
 

@@ -9,14 +9,14 @@ import itertools
 import logging
 import threading
 import time
-from collections.abc import Awaitable, Callable, Collection, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Collection, Iterable, Iterator, Mapping
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
 import zenoh
 
 from wire import topics
-from wire.access import NODE_TOKENS
+from wire.access import ADMIN_SPACE, HUB_ENTRY, NODE_TOKENS
 from wire.inbox import (
     FOREIGN_DEPTH,
     SOURCES_DEPTH,
@@ -411,7 +411,7 @@ class ZenohSession:
         abandoned = threading.Event()
 
         def ask() -> R | None:
-            supervisors = self._supervisors(timeout_s) if is_supervisors else set[bytes]()
+            supervisors = self._holders(topics.SUPERVISOR, timeout_s) if is_supervisors else set[bytes]()
             if abandoned.is_set() or not (self._proof is None or self._proof.holds_within(timeout_s)):
                 return None
             # Take each reply as it arrives: otherwise Zenoh would wait for the last of several replies.
@@ -435,13 +435,17 @@ class ZenohSession:
             raise NoReplyError(f"nobody answered {full_key} within {timeout_s:g} s")
         return answer
 
-    def _supervisors(self, timeout_s: float) -> set[bytes]:
-        """Return the ids of the sessions that hold the token of a supervisor's run; blocks for a round trip.
+    async def holders(self, node: str, *, timeout_s: float = 1.0) -> set[bytes]:
+        """Return the epochs of the runs of a node; empty only if there was none until the time limit."""
+        return await in_thread(lambda: self._holders(node, timeout_s))
+
+    def _holders(self, node: str, timeout_s: float) -> set[bytes]:
+        """Return the epochs of the runs of a node; blocks for a round trip.
 
         On a busy machine, Zenoh sometimes reports no token although there is one; it is asked again until the time limit.
         """
         prefix = self._key(topics.alive(""))
-        expression = f"{prefix}{topics.SUPERVISOR}/*"
+        expression = f"{prefix}{node}/*"
         deadline_s = time.monotonic() + timeout_s
         while True:
             tokens = [
@@ -456,12 +460,8 @@ class ZenohSession:
 
     async def connected(self, *, timeout_s: float = 1.0) -> frozenset[bytes] | None:
         """Return the ids of the sessions that are connected to the hub; None if others may be behind a router."""
-
-        def ask() -> frozenset[bytes] | None:
-            report = next(self._reports("@/*/peer", timeout_s), None)
-            return None if report is None else sessions_in(report.payload.to_bytes())
-
-        return await in_thread(ask)
+        entry = await self.hub_entry(timeout_s=timeout_s)
+        return next((sessions_in(payload) for payload in entry.values()), None)
 
     def put_raw(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
         """Put any bytes on any key, as an attacker on the network can; for tests and the fault campaign.
@@ -528,14 +528,16 @@ class ZenohSession:
             raise BusError(f"{expression!r} is not a key: {first_line(error)}") from error
         self._declared.append(subscriber)
 
+    async def hub_entry(self, *, timeout_s: float = 1.0) -> dict[str, bytes]:
+        """Return the hub's report of its sessions and their links, by key of Zenoh's admin space; empty: no answer."""
+        return await in_thread(lambda: _by_key(itertools.islice(self._reports(HUB_ENTRY, timeout_s), 1)))
+
     async def declarations(self, *, timeout_s: float = 3.0) -> dict[str, bytes]:
-        """Return the hub's report of all sessions and their declarations, by key of Zenoh's admin space."""
+        """Return the hub's report of all sessions and their declarations, by key of Zenoh's admin space.
 
-        def ask() -> dict[str, bytes]:
-            reports = self._reports("@/**", timeout_s)
-            return {str(report.key_expr): report.payload.to_bytes() for report in reports}
-
-        return await in_thread(ask)
+        It is empty for a program that may not read it (wire/access.py).
+        """
+        return await in_thread(lambda: _by_key(self._reports(ADMIN_SPACE, timeout_s)))
 
     def _reports(self, expression: str, timeout_s: float) -> Iterator[zenoh.Sample]:
         """Yield the hub's replies to a query of Zenoh's admin space; blocks.
@@ -567,6 +569,10 @@ def _id_bytes(zid: zenoh.ZenohId) -> bytes:
 
 def _replier(reply: zenoh.Reply) -> bytes | None:
     return None if reply.replier_id is None else _id_bytes(reply.replier_id.zid)
+
+
+def _by_key(reports: Iterable[zenoh.Sample]) -> dict[str, bytes]:
+    return {str(report.key_expr): report.payload.to_bytes() for report in reports}
 
 
 def _reply(query: zenoh.Query, key: str, response: bytes, attachment: bytes | None) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from tests.unit.wire.test_tls import bundle
 from wire import topics
-from wire.access import BEHIND_A_ROUTER, Contract, grants_of
+from wire.access import BEHIND_A_ROUTER, HUB_ENTRY, Contract, grants_of
 from wire.host.config import BusSection, ConfigError, section
 from wire.roles import ANY, Role, common_name
 from wire.zenoh import limits
@@ -110,7 +110,7 @@ def test_the_hub_takes_from_its_router_what_operators_and_stations_may_send_and_
             for message in grant.messages
             if message in WRITES
             for key in grant.keys
-            if key != "@/**"
+            if key != HUB_ENTRY
         }
 
     assert sent(Role.ROUTER) == set[tuple[str, str]]().union(*map(sent, BEHIND_A_ROUTER))
