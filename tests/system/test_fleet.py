@@ -18,6 +18,7 @@ from tests.system.authority import TestAuthority, secure_endpoint
 from tests.system.ports import free_endpoint
 from tests.system.process_state import state_of
 from tests.system.routers import LIFELINE, router
+from wire.host.notify import TURN_LIMIT_S
 from wire.roles import ANY, Role
 
 pytestmark = pytest.mark.long
@@ -45,9 +46,8 @@ def robots(directory: Path, endpoint: str) -> Generator[dict[str, "subprocess.Po
     with ExitStack() as ending:
         ending.enter_context(router(endpoint, ROBOTS, None))
         started = {name: start_supervisor(directory, name, endpoint) for name in ROBOTS}
-        for one in started.values():
-            ending.callback(one.wait, WITHIN_S)
-            ending.callback(one.kill)
+        ending.callback(lambda: [one.wait(WITHIN_S) for one in started.values()])
+        ending.callback(lambda: [one.kill() for one in started.values()])
         deadline_s = time.monotonic() + WITHIN_S
         while fleet("list", endpoint, *(f"--expect={name}" for name in ROBOTS))[0] != 0:
             assert time.monotonic() < deadline_s, "not all robots are seen"
@@ -87,12 +87,18 @@ def test_a_fleet_is_listed_and_stopped_and_a_robot_that_does_not_answer_is_named
         deadline_s = time.monotonic() + WITHIN_S
         while state_of(started["robot2"].pid) != "T":
             assert time.monotonic() < deadline_s
+        stopped_s = time.monotonic()
         code, output, _ = fleet("stop", endpoint, "--expect", "robot2")
         assert code == 1
         assert "robot1: the e-stop is latched" in output
         assert "robot2: NOT CONFIRMED" in output
 
+        # A supervisor that was stopped for longer than its limit is ended when it continues, and started again.
+        while time.monotonic() < stopped_s + TURN_LIMIT_S:
+            time.sleep(0.05)
         os.kill(started["robot2"].pid, signal.SIGCONT)
+        assert started["robot2"].wait(WITHIN_S) == -signal.SIGALRM
+        started["robot2"] = start_supervisor(tmp_path, "robot2", endpoint)
         while fleet("list", endpoint, "--expect", "robot2")[0] != 0:
             assert time.monotonic() < deadline_s
         code, output, _ = fleet("stop", endpoint, "--json")

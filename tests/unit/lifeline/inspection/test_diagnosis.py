@@ -81,6 +81,22 @@ def test_nothing_is_wrong_with_a_healthy_robot() -> None:
     ]
 
 
+def test_each_program_that_hung_is_one_note_and_no_problem() -> None:
+    seen = running(hangs=[("20:00:02", "supervisor"), ("20:00:04", "sim"), ("20:00:09", "supervisor")])
+    assert [(f.verdict, f.what) for f in diagnose(seen) if f.check == "hangs"] == [
+        (Verdict.NOTE, "supervisor hung 2 times, was ended by the kernel and started again, last at 20:00:09"),
+        (Verdict.NOTE, "sim hung once, was ended by the kernel and started again, last at 20:00:04"),
+    ]
+    assert problems(seen) == []
+
+
+def test_what_may_not_be_read_is_one_note_and_not_called_missing() -> None:
+    seen = running(nodes=[], nodes_problem="run this command as that user")
+    notes = [finding for finding in diagnose(seen) if finding.verdict is Verdict.NOTE]
+    assert [(f.check, f.what) for f in notes] == [("nodes", "not checked: run this command as that user")]
+    assert problems(seen) == []
+
+
 def test_every_problem_names_what_to_do() -> None:
     status = SafetyStatus(header(""), reasons=["SCAN_STALE"], causes=["SCAN_STALE"])
     for seen in (
