@@ -375,7 +375,9 @@ def _stop(seen: Observed) -> Iterator[Finding]:
             yield problem("status", "the supervisor sends no status", "restart the supervisor")
         return
     mode = mode_name(status)
-    neutral = GO_NEUTRAL if _present(seen) or seen.nodes_problem or not _sources(seen) else "start a command source"
+    neutral = (
+        GO_NEUTRAL if _present(seen) or seen.nodes_problem or not _sources(seen) else "start a command source"
+    )
     if status.mode != SafetyStatus.STOPPED:
         yield ok("mode", f"{mode}: {_who(status)}")
     causes, latched = status.causes_and_latched()

@@ -273,7 +273,14 @@ async def test_only_at_the_socket_does_the_hub_report_declarations() -> None:
                 keys = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
                 return {key for key in keys if key.startswith(prefix)}
 
-            for asked in ("@/**", "@/*/peer/**", f"{own}/**", "@/*/peer/*/**", "@/*/peer/subscriber/**", declared):
+            for asked in (
+                "@/**",
+                "@/*/peer/**",
+                f"{own}/**",
+                "@/*/peer/*/**",
+                "@/*/peer/subscriber/**",
+                declared,
+            ):
                 assert reported(plain, asked) == set(), asked
                 assert declared in reported(local, asked), asked
             for client in (plain, local):

@@ -23,6 +23,7 @@ from deploy.stack import processes, supervisord, takedown
 from deploy.stack.statedir import StateDir
 from tests.system import fake_ros2
 from tests.system.ports import free_endpoint
+from tests.system.rogue import freezing
 from wire import topics
 from wire.bus import NoReplyError
 from wire.messages import Bool
@@ -164,6 +165,18 @@ def test_a_killed_supervisor_of_a_real_robot_is_restarted_immediately(robot: Rob
     killed_s = time.monotonic()
     _wait_for(lambda: robot.pids().get("supervisor", first) != first, "no restart")
     assert time.monotonic() - killed_s < RESTART_LIMIT_S
+
+
+@pytest.mark.long
+def test_a_hung_supervisor_is_restarted_without_a_person_and_doctor_says_so(robot: Robot) -> None:
+    assert robot.run("up", "--detach").returncode == 0
+    before = robot.pids()["supervisor"]
+    with freezing(robot.endpoint):
+        _wait_for(lambda: robot.pids().get("supervisor", before) != before, "a new supervisor")
+    robot.seen(lambda seen: seen["running"], "the new supervisor answers")
+    findings = json.loads(robot.run("doctor", "--json", "--seconds", "1").stdout)
+    (hang,) = (one for one in findings if one["check"] == "hangs")
+    assert hang["what"].startswith("supervisor hung once, was ended by the kernel and started again")
 
 
 @pytest.mark.long

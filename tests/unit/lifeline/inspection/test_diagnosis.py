@@ -84,7 +84,10 @@ def test_nothing_is_wrong_with_a_healthy_robot() -> None:
 def test_each_program_that_hung_is_one_note_and_no_problem() -> None:
     seen = running(hangs=[("20:00:02", "supervisor"), ("20:00:04", "sim"), ("20:00:09", "supervisor")])
     assert [(f.verdict, f.what) for f in diagnose(seen) if f.check == "hangs"] == [
-        (Verdict.NOTE, "supervisor hung 2 times, was ended by the kernel and started again, last at 20:00:09"),
+        (
+            Verdict.NOTE,
+            "supervisor hung 2 times, was ended by the kernel and started again, last at 20:00:09",
+        ),
         (Verdict.NOTE, "sim hung once, was ended by the kernel and started again, last at 20:00:04"),
     ]
     assert problems(seen) == []
