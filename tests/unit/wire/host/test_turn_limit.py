@@ -29,10 +29,10 @@ HANGS = {
 }
 
 
-def run(*lines: str, begin: str = BEGIN, **options: bool) -> tuple[int, str, float]:
+def run(*lines: str, begin: str = BEGIN) -> tuple[int, str, float]:
     """Run a program; return its exit code, its output, and the time of its end by the monotonic clock."""
     with subprocess.Popen(
-        [sys.executable, "-c", "\n".join([begin, *lines])], stdout=subprocess.PIPE, text=True, **options
+        [sys.executable, "-c", "\n".join([begin, *lines])], stdout=subprocess.PIPE, text=True
     ) as process:
         output, _ = process.communicate(timeout=PATIENCE_S)
         return process.returncode, output, time.monotonic()
