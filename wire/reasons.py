@@ -31,6 +31,7 @@ class Limit(StrEnum):
     """What reduces the speed, beside the barrier, without a stop: named in the status after the causes."""
 
     COMMAND_AGE = "COMMAND_AGE"
+    BASE_WEAK = "BASE_WEAK"
 
 
 SEVERITY = {reason: rank for rank, reason in enumerate(StopReason)}
@@ -160,7 +161,13 @@ LIMIT_WORDS: Mapping[Limit, Words] = {
         over="commands came too rarely for the speed",
         caption="commands too rare for this speed",
         step="slow down, or mend the connection",
-    )
+    ),
+    Limit.BASE_WEAK: Words(
+        now="the base brakes worse than configured",
+        over="the base braked worse than configured",
+        caption="weak brakes",
+        step="reduce the load, or set deceleration_m_s2 to what the base shows",
+    ),
 }
 
 _BY_NAME = {str(reason): words for reason, words in (*WORDS.items(), *LIMIT_WORDS.items())}

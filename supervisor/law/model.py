@@ -10,6 +10,7 @@ from enum import IntEnum
 from functools import cached_property
 from typing import NamedTuple
 
+from supervisor.law.base_braking import UNMEASURED, Braking
 from supervisor.law.base_motion import FOLLOWING, Following
 from supervisor.law.clearance import NO_POINTS, Block, Floats, Hull, Surroundings
 from supervisor.law.estop_stations import Presence, Station, StationConfig, Stations, TokenEnd
@@ -80,13 +81,20 @@ class LawConfig:
     blind_budget_m: float = math.inf
     """How far the base may drive on a command that is not renewed; infinite in recordings that do not have it."""
     estop_stations: tuple[StationConfig, ...] = ()
+    shown_m_s2: float = math.inf
+    """Deceleration that the base has shown in its last stops; infinite before the first. No setting: the law measures it."""
+
+    @property
+    def braking_m_s2(self) -> float:
+        """Deceleration that the law trusts: the worse of the configured and the measured one."""
+        return min(self.deceleration_m_s2, self.shown_m_s2)
 
     @cached_property
     def reach_m(self) -> float:
         """Distance from the hull beyond which a point limits no motion, at any permitted age of its scan."""
         fastest_m_s = self.max_linear_m_s + self.max_angular_rad_s * self.hull.radius_m
         reaction_s = 2.0 * max(lidar.timeout_s for lidar in self.lidars) + self.transport_s
-        braking_m = fastest_m_s * fastest_m_s / (2.0 * self.deceleration_m_s2)
+        braking_m = fastest_m_s * fastest_m_s / (2.0 * self.braking_m_s2)
         return self.stop_distance_m + fastest_m_s * reaction_s + braking_m + 0.05
 
     @cached_property
@@ -107,7 +115,7 @@ class LawConfig:
     @cached_property
     def trusted(self) -> Velocity:
         """The trusted deceleration of the base [m/s², rad/s²], as the barrier uses it."""
-        return Velocity(self.deceleration_m_s2, self.deceleration_m_s2 / self.hull.radius_m)
+        return Velocity(self.braking_m_s2, self.braking_m_s2 / self.hull.radius_m)
 
     @cached_property
     def residual(self) -> Velocity:
@@ -296,6 +304,7 @@ class State(NamedTuple):
     way_m: float = 0.0
     """Upper bound of the distance that any point of the hull has moved, measured or commanded."""
     following: Following = FOLLOWING
+    braking: Braking = UNMEASURED
     estop: bool = False
     output: Velocity = STANDSTILL
     stopped_s: float | None = None

@@ -22,6 +22,7 @@ from operator import attrgetter, itemgetter
 
 import numpy as np
 
+from supervisor.law.base_braking import bound_m_s2, measure
 from supervisor.law.base_motion import follow, moves, possible_twists
 from supervisor.law.clearance import (
     Barrier,
@@ -119,6 +120,7 @@ def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
         inputs: everything received since the last step; arrival times are not after `now_s`.
     """
     state, inputs = _resume(state, now_s, inputs)
+    state = _measure(state, inputs)
     state = _observe(state, now_s, inputs)
     usable = _usable(state, now_s)
     state = _seek_hidden(state, usable, moved_on=bool(inputs.scans))
@@ -166,6 +168,25 @@ def _resume(state: State, now_s: float, inputs: Inputs) -> tuple[State, Inputs]:
         sources=sources, sights=sights, past=(), odometry=odometry, resumed_s=now_s, stations=stations
     )
     return state, replace(inputs, commands=(), scans=(), odometry=None)
+
+
+def _measure(state: State, inputs: Inputs) -> State:
+    """Measure how the base brakes; what it shows replaces a better configured deceleration everywhere in the law."""
+    config, odometry = state.config, inputs.odometry
+    if odometry is None or not config.odometry or moves(odometry.velocity, config.believable):
+        return state
+    v, w = map(abs, odometry.velocity)
+    braking = measure(
+        state.braking,
+        max(v, w * config.hull.radius_m),
+        odometry.arrival_s,
+        is_driven=state.output != STANDSTILL,
+        standing_m_s=config.residual.linear_m_s,
+    )
+    shown_m_s2 = bound_m_s2(braking)
+    if shown_m_s2 != config.shown_m_s2:
+        config = replace(config, shown_m_s2=shown_m_s2)
+    return state._replace(config=config, braking=braking)
 
 
 def _observe(state: State, now_s: float, inputs: Inputs) -> State:
@@ -418,7 +439,7 @@ def _runs_away(state: State, now_s: float, odometry: Odometry | None) -> bool:
 def _has_braked(state: State, now_s: float) -> bool:
     """Return whether zero has been commanded for longer than braking takes."""
     config = state.config
-    braking_s = config.max_linear_m_s / config.deceleration_m_s2 + RUNAWAY_GRACE_S
+    braking_s = config.max_linear_m_s / config.braking_m_s2 + RUNAWAY_GRACE_S
     return state.stopped_s is not None and now_s - state.stopped_s > braking_s
 
 
@@ -697,6 +718,8 @@ def _decide(
         if renewed < scale:
             scale, limit = renewed, Limit.COMMAND_AGE
         output = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
+    if not reasons and limit is None and config.braking_m_s2 < config.deceleration_m_s2:
+        limit = Limit.BASE_WEAK
     since_s = now_s if state.stopped_s is None else state.stopped_s
     stopped_s = since_s if output == STANDSTILL else None
     state = state._replace(now_s=now_s, output=output, stopped_s=stopped_s)
@@ -734,7 +757,7 @@ def _points_in_reach(state: State, now_s: float, usable: Usable, commanded: Velo
     for place, reaction_s in shown:
         barrier = Barrier(
             stop_distance_m=config.stop_distance_m,
-            deceleration_m_s2=config.deceleration_m_s2,
+            deceleration_m_s2=config.braking_m_s2,
             reaction_s=reaction_s,
             hidden_creep_m_s=config.blind_creep_m_s,
         )
@@ -888,6 +911,7 @@ def _explain(
             block_bearing_rad=math.nan if block is None else math.atan2(block.y_m, block.x_m),
             writers=_conflicts(state, now_s) if StopReason.SENSOR_CONFLICT in causes else (),
             stations=detail_of_stations(state.stations),
+            braking_m_s2=(config.braking_m_s2, config.deceleration_m_s2),
         ),
         stations=state.stations.stations,
     )

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from supervisor.law.explain import detail_of
-from wire.reasons import StopReason
+from wire.reasons import Limit, StopReason
 
 LEFT_40 = math.radians(40)
 
@@ -47,3 +47,10 @@ def test_of_several_causes_the_most_restrictive_is_explained() -> None:
     assert detail_of(both, scan_problem="all NaN", block_bearing_rad=0.0) == "all NaN"
     both = frozenset({StopReason.ESTOP, StopReason.SCAN_INVALID})
     assert detail_of(both, scan_problem="all NaN") == ""
+
+
+def test_a_limit_is_explained_only_where_nothing_stops_the_motion() -> None:
+    weak = detail_of(frozenset(), Limit.BASE_WEAK, braking_m_s2=(1.02, 1.5))
+    assert weak == "the base brakes with 1.02 m/s², configured are 1.50"
+    cause = frozenset({StopReason.OBSTACLE})
+    assert detail_of(cause, Limit.BASE_WEAK, block_bearing_rad=0.0).startswith("something is too close")

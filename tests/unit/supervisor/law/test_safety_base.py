@@ -23,7 +23,7 @@ from tests.unit.supervisor.law.law_harness import (
     ring,
 )
 from wire.freshness import Sent
-from wire.reasons import StopReason
+from wire.reasons import Limit, StopReason
 
 
 def tick(law: Law, command: Velocity, measured: Velocity) -> Decision:
@@ -350,3 +350,92 @@ def test_a_scan_that_was_long_on_its_way_belongs_where_the_robot_was() -> None:
     assert reading.view is not None
     assert reading.taken_s == pytest.approx(now_s - 0.15)
     assert state.odometer.pose.x_m - reading.view.pose.x_m == pytest.approx(0.5 * 0.15, abs=1e-3)
+
+
+# --- BASE_WEAK
+
+
+def stops_with(
+    law: Law, deceleration_m_s2: float, speed_m_s: float = 0.5, turn_rad_s: float = 0.0
+) -> Decision:
+    """Drive for a second, then request zero until the base stands, which brakes with this deceleration at its rim."""
+    tick(law, NEUTRAL, STANDSTILL)
+    full = Velocity(speed_m_s, turn_rad_s)
+    for _ in range(50):
+        tick(law, full, full)
+    share, rim_m_s = 1.0, max(speed_m_s, turn_rad_s * law.config.hull.radius_m)
+    while share > 0.0:
+        tick(law, NEUTRAL, Velocity(share * speed_m_s, share * turn_rad_s))
+        share -= deceleration_m_s2 * TICK_S / rim_m_s
+    for _ in range(5):
+        tick(law, NEUTRAL, STANDSTILL)
+    return law.decision
+
+
+@pytest.mark.parametrize(("speed_m_s", "turn_rad_s"), [(0.5, 0.0), (0.0, 2.0)])
+def test_a_base_that_brakes_worse_than_configured_is_weak_from_its_first_stop(
+    speed_m_s: float, turn_rad_s: float
+) -> None:
+    law = Law(room_m=6.0)
+    decision = stops_with(law, 1.0, speed_m_s, turn_rad_s)
+    assert (decision.mode, decision.limit, decision.causes) == (Mode.READY, Limit.BASE_WEAK, ())
+    assert decision.detail == "the base brakes with 1.00 m/s², configured are 1.50"
+    tick(law, FORWARD, STANDSTILL)
+    assert (law.decision.mode, law.decision.limit) == (Mode.DRIVING, Limit.BASE_WEAK)
+
+
+def test_a_base_that_brakes_as_configured_or_better_is_not_weak() -> None:
+    law = Law(room_m=6.0)
+    for deceleration_m_s2 in (1.51, 2.0, 4.0):
+        assert stops_with(law, deceleration_m_s2).limit is None
+    assert law.state.config.braking_m_s2 == CONFIG.deceleration_m_s2
+
+
+def test_a_weak_base_approaches_as_if_its_brakes_had_been_configured() -> None:
+    law, configured = Law(), Law(config=replace(CONFIG, deceleration_m_s2=1.0))
+    stops_with(law, 1.0)
+    limited: list[Decision] = []
+    for one in (law, configured):
+        one.ranges = ring(ahead_m=1.0)
+        one.hold(0.1, ("teleop", NEUTRAL))
+        limited.append(tick(one, Velocity(1.0, 0.0), STANDSTILL))
+    assert limited[0].mode is Mode.LIMITED
+    assert limited[0].output.linear_m_s == pytest.approx(limited[1].output.linear_m_s, rel=0.01)
+
+
+def test_a_weak_base_is_given_more_time_to_brake_and_looks_farther() -> None:
+    law = Law(room_m=6.0)
+    stops_with(law, 0.5)
+    weak = law.state.config
+    assert weak.trusted.linear_m_s == pytest.approx(0.5, rel=0.01)
+    assert weak.reach_m > CONFIG.reach_m + 1.0
+    law.drive()
+    tick(law, NEUTRAL, FORWARD)
+    began_s = law.now_s
+    while not law.decision.alarm:
+        tick(law, NEUTRAL, Velocity(0.2, 0.0))
+    assert law.now_s - began_s > CONFIG.max_linear_m_s / 0.51
+
+
+def test_a_base_is_no_longer_weak_once_its_last_stops_are_good() -> None:
+    law = Law(room_m=6.0)
+    stops_with(law, 1.0)
+    assert stops_with(law, 2.0).limit is None
+    stops_with(law, 1.0)
+    assert stops_with(law, 2.0).limit is Limit.BASE_WEAK
+
+
+def test_a_stop_has_its_reason_and_not_the_weak_brakes() -> None:
+    law = Law(room_m=6.0)
+    stops_with(law, 1.0)
+    law.drive()
+    decision = law.hold(0.25)
+    assert (decision.reasons, decision.limit) == ((StopReason.COMMAND_TIMEOUT,), None)
+
+
+def test_odometry_that_no_base_can_have_is_no_measurement() -> None:
+    law = Law(room_m=6.0)
+    stops_with(law, 1.0, speed_m_s=0.5)
+    before = law.state.braking
+    tick(law, NEUTRAL, Velocity(5.0, 0.0))
+    assert law.state.braking == before

@@ -1,0 +1,148 @@
+"""What the base shows of its brakes at each stop."""
+
+import math
+
+import numpy as np
+import pytest
+
+from supervisor.law.base_braking import (
+    GREATEST_M_S2,
+    KEPT,
+    LEAST_SPEED_M_S,
+    LONGEST_GAP_S,
+    UNMEASURED,
+    Braking,
+    bound_m_s2,
+    measure,
+)
+
+STANDING_M_S = 0.05
+
+
+def stop(
+    braking: Braking = UNMEASURED,
+    *,
+    deceleration_m_s2: float,
+    speed_m_s: float = 1.0,
+    dead_s: float = 0.0,
+    period_s: float = 0.02,
+    noise_m_s: float = 0.0,
+    seed: int = 0,
+) -> Braking:
+    """Drive at a speed for a second, then command zero until the base has stood for 0.1 s."""
+    rng = np.random.default_rng(seed)
+    start_s = max(braking.last_s, 0.0)
+    ends_s = 1.0 + dead_s + speed_m_s / deceleration_m_s2 + 0.1
+    for number in range(1, round(ends_s / period_s) + 1):
+        now_s = number * period_s
+        true_m_s = min(speed_m_s, speed_m_s - deceleration_m_s2 * (now_s - 1.0 - dead_s))
+        shown_m_s = abs(max(0.0, true_m_s) + float(rng.normal(0.0, noise_m_s)))
+        braking = measure(
+            braking, shown_m_s, start_s + now_s, is_driven=now_s < 1.0, standing_m_s=STANDING_M_S
+        )
+    return braking
+
+
+def test_without_a_stop_nothing_is_known() -> None:
+    assert bound_m_s2(UNMEASURED) == math.inf
+
+
+@pytest.mark.parametrize("speed_m_s", [0.41, 0.6, 1.0])
+@pytest.mark.parametrize("deceleration_m_s2", [0.5, 1.1, 1.5, 2.0])
+@pytest.mark.parametrize("dead_s", [0.0, 0.03, 0.2])
+@pytest.mark.parametrize("period_s", [0.01, 0.02, 0.05])
+def test_a_stop_shows_the_deceleration_whatever_the_dead_time(
+    speed_m_s: float, deceleration_m_s2: float, dead_s: float, period_s: float
+) -> None:
+    shown = stop(deceleration_m_s2=deceleration_m_s2, speed_m_s=speed_m_s, dead_s=dead_s, period_s=period_s)
+    assert bound_m_s2(shown) == pytest.approx(deceleration_m_s2, rel=1e-6)
+
+
+@pytest.mark.parametrize("dead_s", [0.0, 0.1])
+def test_noise_changes_the_bound_by_no_more_than_a_fifth(dead_s: float) -> None:
+    braking = UNMEASURED
+    for seed in range(KEPT):
+        braking = stop(
+            braking, deceleration_m_s2=1.5, speed_m_s=0.6, dead_s=dead_s, noise_m_s=0.02, seed=seed
+        )
+    assert len(braking.shown_m_s2) == KEPT
+    assert 0.8 * 1.5 < bound_m_s2(braking) < 1.05 * 1.5
+
+
+def test_a_stop_downhill_is_remembered_for_several_stops_uphill() -> None:
+    braking = stop(stop(deceleration_m_s2=0.7), deceleration_m_s2=0.7)
+    for _ in range(KEPT - 2):
+        braking = stop(braking, deceleration_m_s2=2.3)
+        assert bound_m_s2(braking) == pytest.approx(0.7)
+    assert bound_m_s2(stop(braking, deceleration_m_s2=2.3)) == pytest.approx(2.3)
+
+
+def test_the_first_stop_counts_and_a_single_outlier_is_forgotten_at_the_next() -> None:
+    braking = stop(deceleration_m_s2=0.5)
+    assert bound_m_s2(braking) == pytest.approx(0.5)
+    assert bound_m_s2(stop(braking, deceleration_m_s2=2.0)) == pytest.approx(2.0)
+
+
+def test_a_slow_base_is_not_measured() -> None:
+    slow_m_s = math.nextafter(LEAST_SPEED_M_S, 0.0)
+    assert stop(deceleration_m_s2=0.5, speed_m_s=0.9 * slow_m_s).shown_m_s2 == ()
+
+
+def test_a_base_that_follows_a_falling_command_is_not_weak() -> None:
+    """The barrier reduces the speed with 0.9 m/s² on average; the base could brake with 2 m/s²."""
+    braking, speed_m_s, now_s = UNMEASURED, 1.0, 0.0
+    while speed_m_s > 0.02:
+        now_s += 0.02
+        speed_m_s = speed_m_s if now_s < 1.0 else speed_m_s - 0.9 * 0.02
+        braking = measure(braking, speed_m_s, now_s, is_driven=True, standing_m_s=STANDING_M_S)
+    braking = measure(braking, 0.0, now_s + 0.02, is_driven=False, standing_m_s=STANDING_M_S)
+    assert braking.shown_m_s2 == ()
+
+
+def test_a_stop_that_a_new_command_ends_is_not_measured() -> None:
+    braking = UNMEASURED
+    for number in range(1, 200):
+        now_s = 0.02 * number
+        speed_m_s = max(0.6, 1.0 - max(0.0, now_s - 1.0) * 0.5)
+        braking = measure(
+            braking, speed_m_s, now_s, is_driven=now_s < 1.0 or now_s > 1.8, standing_m_s=STANDING_M_S
+        )
+    assert braking.shown_m_s2 == ()
+    assert bound_m_s2(stop(braking, deceleration_m_s2=1.2)) == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize(
+    ("gap_s", "is_measured"), [(0.999 * LONGEST_GAP_S, True), (1.001 * LONGEST_GAP_S, False)]
+)
+def test_a_stop_with_a_gap_in_odometry_is_not_measured(gap_s: float, *, is_measured: bool) -> None:
+    braking, now_s = UNMEASURED, 0.0
+    for speed_m_s in [1.0] * 50:
+        now_s += 0.02
+        braking = measure(braking, speed_m_s, now_s, is_driven=True, standing_m_s=STANDING_M_S)
+    for speed_m_s in (0.8, 0.6, 0.4, 0.2, 0.0):
+        now_s += gap_s if speed_m_s == 0.4 else 0.1
+        braking = measure(braking, speed_m_s, now_s, is_driven=False, standing_m_s=STANDING_M_S)
+    assert (len(braking.shown_m_s2) == 1) is is_measured
+
+
+def test_a_sample_that_is_not_newer_changes_nothing() -> None:
+    braking = measure(UNMEASURED, 1.0, 1.0, is_driven=True, standing_m_s=STANDING_M_S)
+    assert measure(braking, 0.0, 1.0, is_driven=False, standing_m_s=STANDING_M_S) is braking
+
+
+def test_odometry_that_shows_an_impossible_stop_is_no_measurement() -> None:
+    assert stop(deceleration_m_s2=1.01 * GREATEST_M_S2).shown_m_s2 == ()
+    assert len(stop(deceleration_m_s2=0.99 * GREATEST_M_S2).shown_m_s2) == 1
+
+
+def test_odometry_that_jumps_to_zero_is_no_measurement() -> None:
+    braking = measure(UNMEASURED._replace(mean_m_s=1.0), 1.0, 1.0, is_driven=True, standing_m_s=STANDING_M_S)
+    assert measure(braking, 0.0, 1.02, is_driven=False, standing_m_s=STANDING_M_S).shown_m_s2 == ()
+
+
+def test_only_the_last_stops_are_kept() -> None:
+    braking = UNMEASURED
+    for number in range(2 * KEPT):
+        braking = stop(braking, deceleration_m_s2=1.0 + 0.01 * number, period_s=0.05)
+    assert len(braking.shown_m_s2) == KEPT
+    assert bound_m_s2(braking) == pytest.approx(1.0 + 0.01 * (KEPT + 1))
