@@ -20,6 +20,23 @@ the share s of the twist must stop before that point, with reaction and braking 
 
 Straight toward a wall, this equals the formula above. The twist is scaled as a whole, so that an arc keeps its
 shape. A twist that closes on no near point is not slowed.
+
+A base that is still faster than its command has its own bound. It closes with v, and the command permits u < v. Until it has
+slowed down to u it drives farther than u·T: with the distance that it brakes from v to u, then at u, and at last to
+standstill,
+
+    u·T + (v - u)²/2a + u²/2a <= c - d      that is      u² + u·(a·T - v) + v²/2 <= a·(c - d)
+
+so that (v - u)²/2a is missing in κ. A base with a dead time D keeps v for D, and u for what remains of T:
+
+    u² + u·(a·(T - D) - v) + v²/2 + a·D·v <= a·(c - d)
+
+The left side is convex in u. At u = 0 it says v·D + v²/2a <= c - d: the base can still stop. If that holds, the larger root
+is the permitted speed, and every lower speed is permitted too; if not, nothing is. At u = v it is κ's own condition.
+Then a zero command at the next decision still stops the base at d or before. Without a dead time, v²/2a <= c - d holds at
+every moment until then, so it holds for ever (tests/unit/supervisor/law/test_slowing.py). A base that brakes with more
+than a only leaves more distance. The same bound holds along the path ahead, for shares of the twist: there τ is the
+distance, and |V|/a the inverse of the deceleration.
 """
 
 import math
@@ -313,13 +330,42 @@ class Barrier(NamedTuple):
     reaction_s: float
     hidden_creep_m_s: float
     """Closing speed that is always permitted toward a hidden place, whatever its distance."""
+    dead_time_s: float = 0.0
+    """Part of `reaction_s` for which the base keeps its present speed."""
 
 
-def permitted_closing_speed(clearance_m: Floats, barrier: Barrier) -> Floats:
-    """Return κ(c) [m/s] for clearances (n,) [m]: the highest closing speed from which the base stops in time."""
+def permitted_closing_speed(
+    clearance_m: Floats, barrier: Barrier, present_m_s: Floats | None = None
+) -> Floats:
+    """Return the highest closing speed [m/s] from which the base stops in time: κ(c), or less while it slows down.
+
+    Args:
+        clearance_m: (n,) [m].
+        barrier: the parameters of this step.
+        present_m_s: (n,) [m/s]: closing speeds of the base at present; None: it is not faster than commanded.
+    """
     margin = np.maximum(clearance_m - barrier.stop_distance_m, 0.0)
-    lost = barrier.deceleration_m_s2 * barrier.reaction_s
-    return np.sqrt(lost * lost + 2.0 * barrier.deceleration_m_s2 * margin) - lost
+    a = barrier.deceleration_m_s2
+    lost = a * barrier.reaction_s
+    steady = np.sqrt(lost * lost + 2.0 * a * margin) - lost
+    if present_m_s is None:
+        return steady
+    return np.where(present_m_s > steady, permitted_while_slowing(margin, present_m_s, barrier), steady)
+
+
+def permitted_while_slowing(margin: Floats, present: Floats, barrier: Barrier) -> Floats:
+    """Return the larger root u of the bound of a base that is faster than its command; zero if it can no longer stop.
+
+    Args:
+        margin: (n,) [m]: distances in which it must stop.
+        present: (n,) [m/s]: its present speeds.
+        barrier: the parameters of this step.
+    """
+    a, dead_s = barrier.deceleration_m_s2, barrier.dead_time_s
+    spare = a * (margin - dead_s * present) - present * present / 2.0  # the bound at u = 0
+    excess = present - a * (barrier.reaction_s - dead_s)
+    root = (excess + np.sqrt(excess * excess + 4.0 * np.maximum(spare, 0.0))) / 2.0
+    return np.where(spare < 0.0, 0.0, np.maximum(root, 0.0))
 
 
 def permitted_scale(
@@ -330,6 +376,7 @@ def permitted_scale(
     here: Surroundings | None = None,
     *,
     worth: float = math.inf,
+    present: float = 0.0,
 ) -> tuple[float, Block | None]:
     """Return the permitted share of a twist, 0 to 1, and the point that limits it; None if no point does.
 
@@ -340,12 +387,13 @@ def permitted_scale(
         barrier: the parameters of this step.
         here: the same points in the present base frame by odometry; None if the robot has hardly moved.
         worth: the minimum useful share; the point is returned only if the permitted share is lower.
+        present: the base's present speed along the twist, as a share of it; it counts where it is more than permitted.
     """
-    limit = _limit_of_closing(around, linear_m_s, angular_rad_s, barrier)
+    limit = _limit_of_closing(around, linear_m_s, angular_rad_s, barrier, present)
     if here is not None:
-        limit = _tighter(limit, _limit_of_closing(here, linear_m_s, angular_rad_s, barrier))
+        limit = _tighter(limit, _limit_of_closing(here, linear_m_s, angular_rad_s, barrier, present))
     if linear_m_s or angular_rad_s:
-        limit = _limit_of_the_way_ahead(here or around, linear_m_s, angular_rad_s, barrier, limit)
+        limit = _limit_of_the_way_ahead(here or around, linear_m_s, angular_rad_s, barrier, limit, present)
     scale, block = limit
     return scale, block() if block is not None and scale < worth else None
 
@@ -361,7 +409,7 @@ def _tighter(one: Limit, other: Limit) -> Limit:
 
 
 def _limit_of_closing(
-    around: Surroundings, linear_m_s: float, angular_rad_s: float, barrier: Barrier
+    around: Surroundings, linear_m_s: float, angular_rad_s: float, barrier: Barrier, present: float
 ) -> Limit:
     closing = around.per_linear * linear_m_s + around.per_angular * angular_rad_s
     tolerance: float | Floats
@@ -373,10 +421,13 @@ def _limit_of_closing(
     (closed_on,) = (closing > tolerance).nonzero()
     if len(closed_on) == 0:
         return FREE
-    permitted = permitted_closing_speed(around.clearance_m.take(closed_on), barrier)
+    closing = closing.take(closed_on)
+    permitted = permitted_closing_speed(
+        around.clearance_m.take(closed_on), barrier, present * closing if present > 0.0 else None
+    )
     if around.kind is Kind.HIDDEN:
         permitted = np.maximum(permitted, barrier.hidden_creep_m_s)
-    scales = permitted / closing.take(closed_on)
+    scales = permitted / closing
     tightest = int(scales.argmin())
     scale = scales.item(tightest)
     if scale >= 1.0:
@@ -396,11 +447,16 @@ def _limit_of_the_way_ahead(
     angular_rad_s: float,
     barrier: Barrier,
     limit: Limit,
+    present: float,
 ) -> Limit:
     """Return the limit from braking along the path ahead, or `limit` if that is lower."""
     hull, lost_s = around.hull, barrier.reaction_s
     braking_s = max(abs(linear_m_s), abs(angular_rad_s) * hull.radius_m) / barrier.deceleration_m_s2
     horizon_s = limit[0] * (lost_s + limit[0] * braking_s / 2.0)
+    if present > limit[0]:  # the bound is convex: its left side is largest at an end
+        dead_s, slowed = barrier.dead_time_s, present - limit[0]
+        horizon_s += slowed * (dead_s + slowed * braking_s / 2.0)
+        horizon_s = max(horizon_s, present * (dead_s + present * braking_s / 2.0))
     fastest_m_s = abs(linear_m_s) + abs(angular_rad_s) * hull.radius_m
     keep_m = barrier.stop_distance_m + (STRAY_M if angular_rad_s else 0.0)
     (near,) = (around.clearance_m < keep_m + fastest_m_s * horizon_s).nonzero()
@@ -424,6 +480,9 @@ def _limit_of_the_way_ahead(
     # A point within the tolerance at the previous pose counts as entered there, but never before the present.
     tau_s = step_s * max(0.0, first + share.item(nearest))
     scale = (math.sqrt(lost_s * lost_s + 2.0 * braking_s * tau_s) - lost_s) / braking_s
+    if present > scale:
+        along = barrier._replace(deceleration_m_s2=1.0 / braking_s)
+        scale = permitted_while_slowing(np.array(tau_s), np.array(present), along).item()
     if around.kind is Kind.HIDDEN:
         scale = max(scale, barrier.hidden_creep_m_s / fastest_m_s)
 

@@ -61,7 +61,7 @@ from supervisor.law.reckoning import STANDSTILL, Pose, Velocity, back_then, betw
 from supervisor.law.scan import LaserScan, Lidar, Moment, ScanReading, View, read_scan
 from supervisor.law.seen_space import Lookout, hidden_places, lookout
 from supervisor.law.stop_rules import RaisedBy, raised_by
-from supervisor.law.transition import at_least, is_on_another_arc, lags, mixtures
+from supervisor.law.transition import along, at_least, is_on_another_arc, lags, mixtures
 from wire.freshness import FALL_TOLERANCE_S, Verdict, judge
 from wire.reasons import SEVERITY, Limit, StopReason
 
@@ -788,16 +788,21 @@ def _barrier(
     """Return the permitted share of the commanded twist, and the blocking point if the share is below `worth`.
 
     A base with another velocity passes through mixtures of both twists. Excess velocity on one axis is therefore
-    checked together with the commanded velocity on the other. A base that is too fast on its present arc must brake
-    along that arc first. Neither check latches a stop, because the base only has to slow down. The base may also
-    reach its command on one axis before the other; a point that such a twist closes on does block.
+    checked together with the commanded velocity on the other. A base that is faster than permitted along the commanded
+    arc drives farther until it has slowed down. A base that is too fast on another arc must brake along that arc first.
+    No such check latches a stop, because the base only has to slow down. The base may also reach its command on one axis
+    before the other; a point that such a twist closes on does block.
     """
     if not known:
         return 1.0, None
     config, following = state.config, state.following
     scale, block = _permitted(known, commanded, worth)
     measured = None if state.odometry is None else state.odometer.velocity
-    for has in possible_twists(following, measured):
+    twists = possible_twists(following, measured)
+    present = max(along(has, commanded, config.hull.radius_m) for has in twists)
+    if (present - scale) * _hull_speed(commanded, config) > config.residual.linear_m_s:
+        scale = min(scale, _permitted(known, commanded, worth, present)[0])
+    for has in twists:
         for mixed in mixtures(has, commanded, config.residual):
             scale = min(scale, _permitted(known, mixed, worth)[0])
         if is_on_another_arc(has, commanded, config.hull.radius_m, config.residual.linear_m_s):
@@ -810,14 +815,18 @@ def _barrier(
     return scale * share, block or blocking
 
 
-def _permitted(known: Sequence[KnownPoints], twist: Velocity, worth: float) -> tuple[float, Block | None]:
+def _permitted(
+    known: Sequence[KnownPoints], twist: Velocity, worth: float, present: float = 0.0
+) -> tuple[float, Block | None]:
     """Return the share of a twist that all points permit, and the blocking point.
 
     A scan shows where objects were when it was taken. The points are also transformed into the present base frame by
     odometry. The lower of the two shares counts, because odometry may be wrong. The path ahead begins at the
-    present pose.
+    present pose. `present` is the base's present speed along the twist, as a share of it.
     """
-    shares = (permitted_scale(s.around, *twist, s.barrier, s.here, worth=worth) for s in known)
+    shares = (
+        permitted_scale(s.around, *twist, s.barrier, s.here, worth=worth, present=present) for s in known
+    )
     return min(shares, key=itemgetter(0))
 
 

@@ -41,6 +41,12 @@ def lags(has: Velocity, wanted: Velocity, negligible: Velocity) -> list[Velocity
     return lagging
 
 
+def along(has: Velocity, wanted: Velocity, rim_m: float) -> float:
+    """Return the present speed along the commanded twist, as a share of it: of the centre and of a point at `rim_m`."""
+    scaled = has.linear_m_s * wanted.linear_m_s + has.angular_rad_s * wanted.angular_rad_s * rim_m * rim_m
+    return scaled / (wanted.linear_m_s**2 + (wanted.angular_rad_s * rim_m) ** 2)
+
+
 def at_least(velocity: Velocity, speed_m_s: float, rim_m: float) -> Velocity:
     """Scale a velocity up, if needed, so that a point at `rim_m` may move at `speed_m_s`; zero stays zero.
 

@@ -188,12 +188,16 @@ def test_a_base_on_another_arc_that_approaches_nothing_is_not_slowed() -> None:
     assert tick(law, swerve, has).output == swerve
 
 
-def test_a_base_on_the_commanded_arc_is_left_to_the_barrier() -> None:
-    law = Law(room_m=8.0)
-    law.ranges[170:191] = 0.8
+def test_a_base_on_the_commanded_arc_slows_down_and_stops_only_where_it_must() -> None:
     asked = Velocity(1.0, 0.0)
-    tick(law, NEUTRAL, asked)
-    assert 0.0 < tick(law, asked, asked).scale < PRESENT_SHARE
+    for range_m, is_held in ((0.8, True), (0.89, False)):  # it can stop in 0.33 m
+        law = Law(room_m=8.0)
+        law.ranges[170:191] = range_m
+        tick(law, NEUTRAL, asked)
+        decision = tick(law, asked, asked)
+        assert (decision.output == STANDSTILL) is is_held
+        assert decision.scale < PRESENT_SHARE
+        assert decision.reasons == ()
 
 
 def test_without_odometry_the_base_is_taken_to_brake_as_it_is_trusted_to() -> None:
