@@ -78,6 +78,9 @@ class LidarSection(Section):
     """None: `scan_timeout_s` if given, else the profile's timeout."""
     period_s: Annotated[float, Between(0.002, 2.0)] | None = None
     """Time between two scans; None: the profile's usual period."""
+    # A lidar whose scans are half a second old shows where the robot was.
+    latency_s: Annotated[float, Between(0.0, 0.5)] = 0.0
+    """Constant time from the measurement to the message, which no stamp shows."""
 
     view_rad: Sector | None = None
     """Angles of the first and the last beam in its own frame; used, like the next two, by `lifeline check` only."""
@@ -210,6 +213,11 @@ class SupervisorSection(Section):
     deceleration_m_s2: Annotated[float, Between(0.1, 10.0)] = 1.5
     base_acceleration_m_s2: Acceleration = 0.5
     base_angular_acceleration_rad_s2: AngularAcceleration = 1.5
+    # No base that a person drives by keyboard reacts half a second late.
+    base_dead_time_s: Annotated[float, Between(0.0, 0.5)] = 0.0
+    base_timeout_s: Annotated[
+        float, Between(0.02, 2.0, "a base without a timeout drives on if the supervisor dies")
+    ] = 0.15
     transport_s: Annotated[float, Between(0.001, 0.5)] = 0.03
     creep_m_s: Annotated[float, Between(0.001, 0.1)] = 0.02
     max_linear_m_s: Speed = 1.0
@@ -285,7 +293,7 @@ class SupervisorSection(Section):
 
     def _conflicts_with_tick(self) -> Iterator[Conflict]:
         tick_s = 1.0 / self.tick_hz
-        for key in ("command_timeout_s", "scan_timeout_s", "overrun_s", "odom_timeout_s"):
+        for key in ("command_timeout_s", "scan_timeout_s", "overrun_s", "odom_timeout_s", "base_timeout_s"):
             if (value := getattr(self, key)) <= tick_s:
                 yield Conflict((key,), value, f"must be longer than a tick of {tick_s:g} s")
         if self.transport_s < tick_s:
@@ -330,6 +338,9 @@ class SupervisorSection(Section):
             if period_s is not None:
                 yield from self.conflicts_of_period(path, lidar, period_s)
             timeout_s = self.scan_timeout_of(lidar)
+            if lidar.latency_s >= timeout_s:
+                message = f"must be less than the scan timeout of {timeout_s:g} s, or every scan is too old"
+                yield Conflict((*path, "latency_s"), lidar.latency_s, message)
             if lidar.timeout_s is not None and timeout_s <= 1.0 / self.tick_hz:
                 message = f"must be longer than a tick of {1.0 / self.tick_hz:g} s"
                 yield Conflict((*path, "timeout_s"), timeout_s, message)
@@ -338,7 +349,7 @@ class SupervisorSection(Section):
         self, path: tuple[str | int, ...], lidar: LidarSection, period_s: float
     ) -> Iterator[Conflict]:
         """Yield a conflict if a lidar's timeout is too short for the time between two of its scans."""
-        timeout_s, least_s = self.scan_timeout_of(lidar), PERIODS_IN_TIMEOUT * period_s
+        timeout_s, least_s = self.scan_timeout_of(lidar), PERIODS_IN_TIMEOUT * period_s + lidar.latency_s
         if timeout_s < least_s - 1e-9:  # rounding error of the product
             where = ("scan_timeout_s",) if lidar.timeout_s is None else (*path, "timeout_s")
             timing = lidar.timing()
@@ -347,8 +358,9 @@ class SupervisorSection(Section):
                 if timing is None
                 else f", or leave it out for the {timing.timeout_s:g} s of {lidar.profile}"
             )
+            late = f" and latency_s = {lidar.latency_s:g}" if lidar.latency_s else ""
             message = (
-                f"must be at least {PERIODS_IN_TIMEOUT:g} scan periods of {period_s:.4g} s, or the robot stops "
+                f"must be at least {PERIODS_IN_TIMEOUT:g} scan periods of {period_s:.4g} s{late}, or the robot stops "
                 f"whenever a scan is slightly late: set {least_s:.4g}{otherwise}"
             )
             yield Conflict(where, timeout_s, message)
@@ -403,7 +415,7 @@ class SupervisorSection(Section):
             "sources": tuple(SourceConfig(s.name, s.priority) for s in self.sources),
             "hull": self.footprint.hull(),
             "lidars": tuple(
-                Lidar(s.name, s.mount(), s.readings(), self.scan_timeout_of(s), s.min_beams)
+                Lidar(s.name, s.mount(), s.readings(), self.scan_timeout_of(s), s.min_beams, s.latency_s)
                 for s in self.all_lidars()
             ),
             "estop_stations": tuple(StationConfig(s.name, s.required) for s in self.estop_stations or ()),
@@ -454,6 +466,12 @@ def _more_than(config: SupervisorSection, key: str, of_base: str, limit: float) 
 
 
 def _timing(config: SupervisorSection, base: BaseSection) -> Iterator[Conflict]:
+    if config.base_timeout_s < base.command_timeout_s:
+        message = (
+            f"is less than the base's own, [sim] command_timeout_s = {base.command_timeout_s:g}: set at least "
+            f"{base.command_timeout_s:g}"
+        )
+        yield Conflict(("supervisor", "base_timeout_s"), config.base_timeout_s, message)
     least_s = TICKS_IN_BASE_TIMEOUT / config.tick_hz
     if base.command_timeout_s < least_s:
         message = (

@@ -43,7 +43,7 @@ from supervisor.law.model import (
     Velocity,
 )
 from supervisor.law.near_memory import MISSES
-from supervisor.law.safety import BARRIER_REASONS, SAME_PLACE_M, initial_state, step
+from supervisor.law.safety import BARRIER_REASONS, SAME_PLACE_M, TOUCH_M, initial_state, step
 from supervisor.law.stop_rules import STOP_RULES, RaisedBy, cleared_by
 from wire.lease import LEASE_S
 from wire.reasons import StopReason
@@ -204,6 +204,24 @@ def numbers_table() -> str:
             "share of `T` for transport and one tick",
             f"{d.transport_s:g} s",
             "`transport_s`",
+        ),
+        (
+            "",
+            "share of `T` for which the base keeps its speed after a command",
+            f"{d.base_dead_time_s:g} s",
+            "`base_dead_time_s`",
+        ),
+        (
+            "",
+            "constant time from a measurement to its message, part of the age of a scan",
+            f"{d.lidar.latency_s:g} s",
+            "`latency_s` of a lidar",
+        ),
+        (
+            "",
+            f"reaction time of a base that gets no further command, for a distance of {TOUCH_M:g} m",
+            f"{d.base_timeout_s:g} s",
+            "`base_timeout_s`",
         ),
         ("", "minimum useful speed; below it the output is zero", f"{d.creep_m_s:g} m/s", "`creep_m_s`"),
         (

@@ -81,6 +81,10 @@ class LawConfig:
     blind_budget_m: float = math.inf
     """How far the base may drive on a command that is not renewed; infinite in recordings that do not have it."""
     estop_stations: tuple[StationConfig, ...] = ()
+    base_dead_time_s: float = 0.0
+    """How long the base keeps its speed after a command; part of the reaction time."""
+    base_timeout_s: float = 0.0
+    """How long the base drives on without a command; zero in recordings that do not have it."""
     shown_m_s2: float = math.inf
     """Deceleration that the base has shown in its last stops; infinite before the first. No setting: the law measures it."""
 
@@ -93,7 +97,8 @@ class LawConfig:
     def reach_m(self) -> float:
         """Distance from the hull beyond which a point limits no motion, at any permitted age of its scan."""
         fastest_m_s = self.max_linear_m_s + self.max_angular_rad_s * self.hull.radius_m
-        reaction_s = 2.0 * max(lidar.timeout_s for lidar in self.lidars) + self.transport_s
+        oldest_s = max(lidar.timeout_s for lidar in self.lidars)
+        reaction_s = oldest_s + max(oldest_s, self.base_timeout_s) + self.transport_s + self.base_dead_time_s
         braking_m = fastest_m_s * fastest_m_s / (2.0 * self.braking_m_s2)
         return self.stop_distance_m + fastest_m_s * reaction_s + braking_m + 0.05
 

@@ -85,6 +85,9 @@ PRESENT_SHARE = 0.95
 """The base is too fast on its present arc if a smaller share of its velocity is permitted; below 1, because odometry is
 noisy."""
 
+TOUCH_M = 0.05
+"""If every process above the base dies, the hull comes no closer than this to a stationary object."""
+
 REMEMBERED_STRANGERS = 8
 
 ROUNDING_S = 1e-6
@@ -275,7 +278,7 @@ def _see(state: State, scan: LaserScan) -> State:
         may_return=True,
         trusts_arrival=True,
     )
-    before, taken_s = sight.scan, scan.arrival_s - on_way_s
+    before, taken_s = sight.scan, scan.arrival_s - on_way_s - lidar.latency_s
     writers = _heard(sight.writers, scan.writer, scan.arrival_s)
     sight = sight._replace(track=track, counts=sight.counts.add(verdict), writers=writers)
     if verdict is not Verdict.FRESH:
@@ -439,7 +442,7 @@ def _runs_away(state: State, now_s: float, odometry: Odometry | None) -> bool:
 def _has_braked(state: State, now_s: float) -> bool:
     """Return whether zero has been commanded for longer than braking takes."""
     config = state.config
-    braking_s = config.max_linear_m_s / config.braking_m_s2 + RUNAWAY_GRACE_S
+    braking_s = config.max_linear_m_s / config.braking_m_s2 + config.base_dead_time_s + RUNAWAY_GRACE_S
     return state.stopped_s is not None and now_s - state.stopped_s > braking_s
 
 
@@ -746,25 +749,46 @@ def _renewed(age_s: float, commanded: Velocity, config: LawConfig) -> float:
 def _points_in_reach(state: State, now_s: float, usable: Usable, commanded: Velocity) -> list[KnownPoints]:
     """Return the seen, remembered and hidden points that may limit a twist of the base until it reaches the command."""
     config, fastest_m_s = state.config, _fastest_m_s(state, commanded)
-    shown: list[tuple[Place, float]] = []
+    shown: list[tuple[Place, float, float]] = []
     for _, scan in usable:
         assert scan.view is not None  # a usable scan has one
-        reaction_s = now_s - scan.taken_s + scan.period_s + config.transport_s
-        shown.append((Place(scan.view.pose, scan.around), reaction_s))
-    slowest_s = max(reaction_s for _, reaction_s in shown)
-    shown.extend((place, slowest_s) for place in state.places)
+        age_s = now_s - scan.taken_s
+        shown.append((Place(scan.view.pose, scan.around), age_s, age_s + scan.period_s))
+    oldest_s = max(age_s for _, age_s, _ in shown)
+    latest_s = max(next_s for _, _, next_s in shown)
+    shown.extend((place, oldest_s, latest_s) for place in state.places)
     known: list[KnownPoints] = []
-    for place, reaction_s in shown:
-        barrier = Barrier(
-            stop_distance_m=config.stop_distance_m,
-            deceleration_m_s2=config.braking_m_s2,
-            reaction_s=reaction_s,
-            hidden_creep_m_s=config.blind_creep_m_s,
-        )
-        points = in_reach(place, state.odometer, now_s, barrier, fastest_m_s)
-        if points is not None:
-            known.append(points)
+    for place, age_s, next_s in shown:
+        for barrier in _barriers(config, age_s, next_s, fastest_m_s):
+            points = in_reach(place, state.odometer, now_s, barrier, fastest_m_s)
+            if points is not None:
+                known.append(points)
     return known
+
+
+def _barriers(config: LawConfig, age_s: float, next_s: float, fastest_m_s: float) -> tuple[Barrier, ...]:
+    """Return the bound that keeps the stop distance, and that of a base that gets no further command, if it may be lower.
+
+    A base whose supervisor dies now keeps its speed for its own timeout, and must not touch. At speeds up to V, the second bound
+    follows from the first if V times the difference of the reaction times is at most the difference of the distances.
+
+    Args:
+        config: the configuration of the law.
+        age_s: age of the points.
+        next_s: age that they reach before they are seen again.
+        fastest_m_s: an upper bound V of the speed of any point of the hull.
+    """
+    late_s = config.transport_s + config.base_dead_time_s
+    decided = Barrier(
+        stop_distance_m=config.stop_distance_m,
+        deceleration_m_s2=config.braking_m_s2,
+        reaction_s=next_s + late_s,
+        hidden_creep_m_s=config.blind_creep_m_s,
+        dead_time_s=config.base_dead_time_s,
+    )
+    alone = decided._replace(stop_distance_m=TOUCH_M, reaction_s=age_s + config.base_timeout_s + late_s)
+    farther_m = fastest_m_s * (alone.reaction_s - decided.reaction_s)
+    return (decided,) if farther_m <= decided.stop_distance_m - TOUCH_M else (decided, alone)
 
 
 def _fastest_m_s(state: State, commanded: Velocity) -> float:

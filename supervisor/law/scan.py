@@ -67,6 +67,8 @@ class Lidar:
     timeout_s: float
     """Maximum age of a usable scan."""
     min_beams: int = 90
+    latency_s: float = 0.0
+    """Constant time from the measurement to the message, which no stamp shows; part of the age of a scan."""
 
 
 class Geometry(NamedTuple):

@@ -213,7 +213,11 @@ def test_an_endpoint_on_this_machine_or_behind_tls_is_no_risk(tmp_path: Path, en
         ("[supervisor]\nstop_distance_m = 0.2", "stop_distance_m = 0.2", "within 0.2 m of a person"),
         ("[supervisor]\noverrun_s = 0.2", "overrun_s = 0.2", "0.20 m while the supervisor hangs"),
         ("[supervisor]\nodom_timeout_s = 0.4", "odom_timeout_s = 0.4", "0.40 m on the last odometry"),
-        ("[sim]\ncommand_timeout_s = 0.3", "[sim] command_timeout_s = 0.3", "0.30 m after the supervisor"),
+        (
+            "[supervisor]\nbase_timeout_s = 0.3\n[sim]\ncommand_timeout_s = 0.3",
+            "[sim] command_timeout_s = 0.3",
+            "0.30 m after the supervisor",
+        ),
         ("[supervisor]\nscan_timeout_s = 0.5", "timeout of lidar = 0.5", "0.50 m on the last scan"),
         (
             lidar('profile = "own"', "own = { nan_is_free = true }"),
@@ -354,7 +358,9 @@ def test_a_required_estop_station_changes_no_motion_and_is_named(tmp_path: Path)
 
 def test_with_a_risk_the_exit_code_is_1_and_what_is_assumed_is_said(tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
-    path.write_text("[supervisor]\nworks_in_the_open = true\n[sim]\ncommand_timeout_s = 0.3\n")
+    path.write_text(
+        "[supervisor]\nworks_in_the_open = true\nbase_timeout_s = 0.3\n[sim]\ncommand_timeout_s = 0.3\n"
+    )
     code, output = run(path)
     assert code == 1
     assert "works_in_the_open" in output

@@ -28,7 +28,9 @@ FRONT: dict[str, object] = {"name": "front", "topic": "scan"}
 REAR: dict[str, object] = {"name": "rear", "topic": "scan_rear"}
 
 
-@pytest.mark.parametrize("key", ["command_timeout_s", "scan_timeout_s", "odom_timeout_s", "overrun_s"])
+@pytest.mark.parametrize(
+    "key", ["command_timeout_s", "scan_timeout_s", "odom_timeout_s", "overrun_s", "base_timeout_s"]
+)
 def test_a_timeout_is_longer_than_a_tick(key: str) -> None:
     slow: dict[str, Any] = {"tick_hz": 16.0, "transport_s": 0.1}  # 1/16 s is exact in binary
     assert f"supervisor.{key} = 0.0625: must be longer than a tick of 0.0625 s" in refusal(
@@ -43,6 +45,45 @@ def test_a_lidars_own_timeout_is_longer_than_a_tick() -> None:
         **slow, lidar={"timeout_s": 0.0625}
     )
     assert load(**slow, lidar={"timeout_s": math.nextafter(0.0625, 1.0)})
+
+
+@pytest.mark.parametrize("latency_s", [-0.001, 0.501, math.nan, math.inf])
+def test_a_latency_is_a_time_that_a_lidar_may_have(latency_s: float) -> None:
+    assert "supervisor.lidar.latency_s" in refusal(scan_timeout_s=1.0, lidar={"latency_s": latency_s})
+
+
+def test_a_scan_is_not_too_old_when_it_arrives() -> None:
+    assert load(lidar={"latency_s": math.nextafter(0.24, 0.0)})
+    message = refusal(lidar={"latency_s": 0.24})
+    assert "supervisor.lidar.latency_s = 0.24: must be less than the scan timeout of 0.24 s" in message
+
+
+def test_the_timeout_of_a_lidar_with_latency_is_longer_by_it() -> None:
+    lidar = {"period_s": 0.125, "latency_s": 0.0625}
+    assert load(scan_timeout_s=0.25, lidar=lidar)
+    message = refusal(scan_timeout_s=math.nextafter(0.25, 0.0) - 1e-6, lidar=lidar)
+    assert "at least 1.5 scan periods of 0.125 s and latency_s = 0.0625" in message
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("base_dead_time_s", -0.001),
+        ("base_dead_time_s", 0.501),
+        ("base_dead_time_s", math.nan),
+        ("base_timeout_s", 0.019),
+        ("base_timeout_s", 2.001),
+        ("base_timeout_s", math.inf),
+    ],
+)
+def test_what_no_base_does_is_refused(key: str, value: float) -> None:
+    assert f"supervisor.{key}" in refusal(**{key: value})
+
+
+def test_what_the_base_and_the_lidar_need_reaches_the_law() -> None:
+    law = load(base_dead_time_s=0.1, base_timeout_s=0.5, lidar={"latency_s": 0.05}).law()
+    assert (law.base_dead_time_s, law.base_timeout_s, law.lidars[0].latency_s) == (0.1, 0.5, 0.05)
+    assert law.shown_m_s2 == math.inf
 
 
 def test_the_time_for_transport_includes_a_tick() -> None:

@@ -51,6 +51,11 @@ JUST_ABOVE = math.nextafter(1.5, 2.0)
             "the base brakes between two commands: set 0.125",
         ),
         (
+            {"base_timeout_s": math.nextafter(0.3, 0.0)},
+            {"command_timeout_s": 0.3},
+            "is less than the base's own, [sim] command_timeout_s = 0.3: set at least 0.3",
+        ),
+        (
             {"odom_timeout_s": math.nextafter(0.1875, 0.0)},
             {"odom_hz": 8.0},
             "must be at least 1.5 periods of [sim] odom_hz = 8: set 0.1875",
@@ -77,6 +82,7 @@ def test_what_does_not_fit_to_the_base_is_refused_with_what_would(
         ({"base_acceleration_m_s2": 1.5}, {"acceleration_m_s2": 1.5}),
         ({"base_angular_acceleration_rad_s2": 1.5}, {"angular_acceleration_rad_s2": 1.5}),
         ({"tick_hz": 16.0, "transport_s": 0.1}, {"command_timeout_s": 0.125}),
+        ({"base_timeout_s": 0.3}, {"command_timeout_s": 0.3}),
         ({"odom_timeout_s": 0.1875}, {"odom_hz": 8.0}),
         ({"odom_timeout_s": 0.1, "odometry": False}, {"odom_hz": 8.0}),
         ({"scan_timeout_s": 0.1875}, {"scan_hz": 8.0}),

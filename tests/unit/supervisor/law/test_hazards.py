@@ -421,6 +421,7 @@ _NUMBERS = [
     "overrun_s",
     "stop_distance_m",
     "deceleration_m_s2",
+    "base_timeout_s",
     "creep_m_s",
     "max_linear_m_s",
     "runaway_linear_m_s",

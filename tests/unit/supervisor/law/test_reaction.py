@@ -1,0 +1,153 @@
+"""A base and a lidar that react late, brake weakly, or lose everything above them: the law drives straight at a wall."""
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+
+import pytest
+
+from supervisor.law.base_braking import KEPT, Braking
+from supervisor.law.model import STANDSTILL, LawConfig, Mode, Odometry, Velocity
+from supervisor.law.safety import TOUCH_M
+from tests.unit.supervisor.law.law_harness import (
+    ANY_AGE,
+    CONFIG,
+    NEUTRAL,
+    TICK_S,
+    Law,
+    ring,
+    with_lidar,
+)
+
+HULL_M = 0.25
+FULL = Velocity(1.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What the base and the lidar really do."""
+
+    braking_m_s2: float = 1.5
+    dead_s: float = 0.0
+    latency_s: float = 0.0
+    timeout_s: float = 0.15
+
+
+def nearest_m(
+    config: LawConfig, robot: Robot, *, dies_at_m: float = -math.inf, braking: Braking | None = None
+) -> float:
+    """Drive straight at a wall, and return the least clearance [m].
+
+    Args:
+        config: the configuration of the law.
+        robot: the robot.
+        dies_at_m: the clearance at which everything above the base dies; by default, nothing dies.
+        braking: what earlier stops have shown.
+    """
+    law = Law(replace(config, blind_budget_m=math.inf), room_m=9.0)
+    if braking is not None:
+        law.state = law.state._replace(braking=braking)
+    clearance_m, speed_m_s = 2.5, 0.0
+    seen = deque([clearance_m] * (1 + round(robot.latency_s / TICK_S)))
+    pending = deque([STANDSTILL] * round(robot.dead_s / TICK_S))
+    sent, dead_s, ticks = STANDSTILL, -math.inf, 0
+    while ticks < 20 or speed_m_s > 0.0:
+        ticks += 1
+        assert ticks < 2000, "the robot never stops"
+        if dead_s == -math.inf and clearance_m <= dies_at_m:
+            dead_s = ticks * TICK_S
+        if dead_s == -math.inf:
+            law.ranges = ring(9.0, ahead_m=seen[0] + HULL_M)
+            wanted = NEUTRAL if ticks < 10 or law.decision.reasons else FULL
+            law.tick(("teleop", wanted), odometry=Odometry(Velocity(speed_m_s, 0.0), law.now_s + TICK_S))
+            sent = law.decision.output
+        elif ticks * TICK_S - dead_s >= robot.timeout_s - 1e-9:
+            sent = STANDSTILL
+        pending.append(sent)
+        target_m_s = pending.popleft().linear_m_s
+        before_m_s = speed_m_s
+        slowest_m_s = speed_m_s - robot.braking_m_s2 * TICK_S
+        speed_m_s = (
+            max(target_m_s, slowest_m_s, 0.0)
+            if target_m_s < speed_m_s
+            else min(target_m_s, speed_m_s + TICK_S)
+        )
+        clearance_m -= (before_m_s + speed_m_s) / 2.0 * TICK_S
+        seen.append(clearance_m)
+        seen.popleft()
+    return clearance_m
+
+
+def test_a_base_as_configured_keeps_the_stop_distance() -> None:
+    assert nearest_m(CONFIG, Robot()) >= 0.29
+
+
+@pytest.mark.parametrize("braking_m_s2", [1.1, 0.75])
+def test_the_base_brakes_worse_than_configured_and_the_law_has_seen_it(braking_m_s2: float) -> None:
+    robot = Robot(braking_m_s2=braking_m_s2)
+    assert nearest_m(CONFIG, robot) < 0.285
+    shown = Braking(shown_m_s2=(braking_m_s2,) * KEPT)
+    assert nearest_m(CONFIG, robot, braking=shown) >= 0.285
+
+
+@pytest.mark.parametrize("dead_s", [0.1, 0.2])
+def test_a_command_acts_late_and_the_configuration_says_so(dead_s: float) -> None:
+    robot = Robot(dead_s=dead_s)
+    assert nearest_m(CONFIG, robot) < 0.285
+    assert nearest_m(replace(CONFIG, base_dead_time_s=dead_s), robot) >= 0.285
+
+
+@pytest.mark.parametrize("latency_s", [0.1, 0.16])
+def test_scans_come_late_and_the_configuration_says_so(latency_s: float) -> None:
+    robot = Robot(latency_s=latency_s)
+    assert nearest_m(CONFIG, robot) < 0.285
+    assert nearest_m(with_lidar(CONFIG, latency_s=latency_s), robot) >= 0.285
+
+
+@pytest.mark.parametrize("timeout_s", [0.15, 0.3, 0.5])
+@pytest.mark.parametrize("dies_at_m", [0.4, 0.5, 0.7, 1.0])
+def test_the_hull_does_not_touch_if_everything_above_the_base_dies(
+    timeout_s: float, dies_at_m: float
+) -> None:
+    robot = Robot(timeout_s=timeout_s)
+    assert nearest_m(replace(CONFIG, base_timeout_s=timeout_s), robot, dies_at_m=dies_at_m) >= TOUCH_M - 0.005
+
+
+def test_with_a_timeout_that_the_law_does_not_know_the_hull_may_touch() -> None:
+    assert nearest_m(CONFIG, Robot(timeout_s=0.5), dies_at_m=0.75) < 0.0
+
+
+def permitted_m_s(timeout_s: float, clearance_m: float) -> float:
+    law = Law(replace(ANY_AGE, base_timeout_s=timeout_s), room_m=9.0)
+    law.ranges = ring(9.0, ahead_m=clearance_m + HULL_M)
+    law.drive(FULL)
+    return law.decision.output.linear_m_s
+
+
+def test_a_long_base_timeout_costs_speed_only_where_the_hull_would_touch() -> None:
+    lost_m_s = 1.5 * (0.5 + CONFIG.transport_s)
+    touch_m_s = math.sqrt(lost_m_s**2 + 2 * 1.5 * (0.7 - TOUCH_M)) - lost_m_s
+    assert permitted_m_s(0.5, 0.7) == pytest.approx(touch_m_s, rel=0.01)
+    assert permitted_m_s(0.15, 0.7) == pytest.approx(1.0)
+    assert permitted_m_s(0.5, 0.4) == permitted_m_s(0.15, 0.4), "the stop distance limits more"
+
+
+def test_the_latency_of_a_lidar_is_part_of_the_age_of_its_scans() -> None:
+    law = Law(with_lidar(CONFIG, latency_s=0.1))
+    law.hold(0.5, ("teleop", NEUTRAL))
+    assert law.decision.scan_age_s == pytest.approx(0.1)
+    law.scanning = False
+    assert law.hold(0.12, ("teleop", FULL)).mode is Mode.DRIVING
+    assert law.hold(0.06, ("teleop", FULL)).mode is Mode.STOPPED
+
+
+def test_a_base_with_a_dead_time_runs_away_only_after_it() -> None:
+    assert CONFIG.base_dead_time_s == 0.0
+    alarms_s: list[float] = []
+    for dead_s in (0.0, 0.2):
+        law = Law(replace(CONFIG, base_dead_time_s=dead_s))
+        began_s = law.now_s
+        while not law.decision.alarm:
+            law.tick(("teleop", NEUTRAL), odometry=Odometry(Velocity(0.2, 0.0), law.now_s + TICK_S))
+        alarms_s.append(law.now_s - began_s)
+    assert alarms_s[1] - alarms_s[0] == pytest.approx(0.2, abs=TICK_S / 2)
