@@ -133,7 +133,8 @@ def _view(lidar: NamedLidarSection, sim: SimSection | None) -> View:
 def stopping(config: SupervisorSection, views: tuple[View, ...]) -> Stopping:
     """Compute the stopping distance from top speed, with the oldest scan in normal operation (slowest lidar)."""
     speed_m_s = config.max_linear_m_s
-    reaction_s = 2.0 * max(view.period_s for view in views) + config.transport_s
+    scans_s = 2.0 * max(view.period_s for view in views) + max(one.latency_s for one in config.all_lidars())
+    reaction_s = scans_s + config.transport_s + config.base_dead_time_s
     braking_m = speed_m_s**2 / (2.0 * config.deceleration_m_s2)
     return Stopping(speed_m_s, reaction_s, speed_m_s * reaction_s, braking_m, config.stop_distance_m)
 
@@ -222,7 +223,7 @@ def _print(console: Console, file: Path, report: Report) -> None:
     console.print(
         Text(
             f"\nFrom {way.speed_m_s:g} m/s the stopping distance is {way.total_m:.2f} m: {way.reaction_m:.2f} m of "
-            f"reaction ({way.reaction_s:.2f} s: two scan periods and transport), {way.braking_m:.2f} m of braking "
+            f"reaction ({way.reaction_s:.2f} s: two scan periods, latency, transport and dead time), {way.braking_m:.2f} m of braking "
             f"(v²/2a, a = {report.config.deceleration_m_s2:g} m/s²) and {way.keep_m:.2f} m stop distance.\n"
         ),
         soft_wrap=True,

@@ -120,6 +120,13 @@ def test_the_stopping_distance_is_reaction_and_braking_and_the_stop_distance(tmp
     assert way.total_m == pytest.approx(0.192 + 0.64 + 0.25)
 
 
+def test_the_stopping_distance_contains_what_base_and_lidar_need_to_react(tmp_path: Path) -> None:
+    late = report(
+        tmp_path, "[supervisor]\nbase_dead_time_s = 0.1\n[supervisor.lidar]\nlatency_s = 0.05\n[sim]\n"
+    )
+    assert late.stopping.reaction_s == pytest.approx(report(tmp_path, "[sim]\n").stopping.reaction_s + 0.15)
+
+
 def test_the_slowest_lidar_decides_how_late_it_reacts(tmp_path: Path) -> None:
     found = report(
         tmp_path,
