@@ -13,8 +13,12 @@ import numpy as np
 from bench.rig import scenery
 from bench.rig.sheet import Column, Sheet, Verdict
 from supervisor.config import SupervisorSection
-from supervisor.law.model import Command, Decision, Inputs, LaserScan, Mode, Odometry, State, Velocity
+from supervisor.law.decision import Decision, Mode
+from supervisor.law.model import Command, Inputs, Odometry
+from supervisor.law.reckoning import Velocity
 from supervisor.law.safety import initial_state, step
+from supervisor.law.scan import LaserScan
+from supervisor.law.state import State
 from wire.freshness import Sent
 
 BEAMS = (360, 1080, 4096, 16384)

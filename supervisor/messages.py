@@ -3,8 +3,12 @@
 import math
 from collections.abc import Sequence
 
+from supervisor.law.decision import Decision
 from supervisor.law.estop_stations import Presence, Station
-from supervisor.law.model import Command, Decision, LaserScan, Odometry, Source, Velocity
+from supervisor.law.interlock import Source
+from supervisor.law.model import Command, Odometry
+from supervisor.law.reckoning import Velocity
+from supervisor.law.scan import LaserScan
 from wire import messages as ros
 from wire.access import NODE_TOKENS
 from wire.bus import Arrival

@@ -15,9 +15,13 @@ from dataclasses import replace
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import NO_DISK, PRESSED, MemoryRecord, Record
+from supervisor.law.decision import Decision, Mode
 from supervisor.law.estop_stations import Presence, TokenEnd
-from supervisor.law.model import Decision, Inputs, LaserScan, Liveliness, Mode, Reply, State
+from supervisor.law.interlock import Reply
+from supervisor.law.model import Inputs, Liveliness
 from supervisor.law.safety import initial_state, runs_out_s, step
+from supervisor.law.scan import LaserScan
+from supervisor.law.state import State
 from supervisor.messages import (
     ForeignNodes,
     ScanHeaders,
@@ -252,16 +256,18 @@ class SupervisorService:
 
     def _note_press(self, inputs: Inputs, before: State) -> None:
         """Note for people who presses the e-stop and when, until its reset."""
-        if self._state.estop and not before.estop:
+        if self._state.interlock.estop and not before.interlock.estop:
             station = next((one.station for one in inputs.presences if one.stop), "another program")
             when = time.strftime("%Y-%m-%d %H:%M:%S")
             self._estop_record.by = f"{PRESSED} {self._pressing or station}, {when}"
-        elif before.estop and not self._state.estop:
+        elif before.interlock.estop and not self._state.interlock.estop:
             self._estop_record.by = ""
 
     def _is_estop_unrecorded(self) -> bool:
         record = self._estop_record
-        is_pressing = record.is_pending and self._state.is_estop_latched  # the e-stop itself stops the robot
+        is_pressing = (
+            record.is_pending and self._state.interlock.is_estop_latched
+        )  # the e-stop itself stops the robot
         return not is_pressing and record.problem != ""
 
     def _heard_stations(self) -> Iterator[Presence]:
@@ -282,7 +288,7 @@ class SupervisorService:
         if on_tick or last is None or decision.output != last.output:
             self._cmd_vel.put(to_twist(decision.output), now_s)
         # After cmd_vel and without waiting: the disk cannot delay the stop.
-        self._estop_record.keep(latched=self._state.is_estop_latched)
+        self._estop_record.keep(latched=self._state.interlock.is_estop_latched)
         if last is not None and (news := _news_of_stations(last, decision)):
             _log.info("e-stop stations: %s", news)
         if last is None or _outline(decision) != _outline(last):
@@ -328,7 +334,7 @@ class SupervisorService:
         for change in self._foreign_tokens.take():
             self._foreign_nodes.change(change.node, alive=change.alive)
         status = to_status(decision, now_s, record.problem, self._foreign_nodes.names())
-        if StopReason.ESTOP in decision.causes and record.by and not self._state.stations.pressed:
+        if StopReason.ESTOP in decision.causes and record.by and not self._state.interlock.stations.pressed:
             status.detail = f"{record.by}; {decision.detail}" if decision.detail else record.by
         if decision.causes[:1] == (StopReason.SCAN_STALE,):
             status.detail = self._scan_headers.problem or decision.detail

@@ -6,7 +6,7 @@ from typing import Any
 from ros2.config import Ros2Section, apart_from_hub
 from sim.config import SimSection
 from supervisor.config import TICKS_IN_BASE_TIMEOUT, SupervisorSection, fit_to_base
-from supervisor.law.safety import IMPLAUSIBLE_FACTOR
+from supervisor.law.interlock import IMPLAUSIBLE_FACTOR
 from teleop.pilots.config import TeleopSection
 from wire.host.config import BusSection, Conflict, Fit, Section, Sections, read_sections
 

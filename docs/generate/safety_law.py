@@ -28,22 +28,17 @@ from lifeline.check.check import examine
 from lifeline.check.motions import Permitted
 from supervisor.config import SupervisorSection
 from supervisor.law.base_motion import PATIENCE_S
+from supervisor.law.decision import Decision, Mode
+from supervisor.law.interlock import BARRIER_REASONS
 from supervisor.law.lidar import PROFILES, TIMINGS, LidarProfile
-from supervisor.law.model import (
-    STANDSTILL,
-    Command,
-    Decision,
-    Inputs,
-    LaserScan,
-    LawConfig,
-    Liveliness,
-    Mode,
-    SourceConfig,
-    State,
-    Velocity,
-)
+from supervisor.law.model import Command, Inputs, LawConfig, Liveliness, SourceConfig
 from supervisor.law.near_memory import MISSES
-from supervisor.law.safety import BARRIER_REASONS, SAME_PLACE_M, TOUCH_M, initial_state, step
+from supervisor.law.permission import TOUCH_M
+from supervisor.law.reckoning import STANDSTILL, Velocity
+from supervisor.law.safety import initial_state, step
+from supervisor.law.scan import LaserScan
+from supervisor.law.sight import SAME_PLACE_M
+from supervisor.law.state import State
 from supervisor.law.stop_rules import STOP_RULES, RaisedBy, cleared_by
 from wire.lease import LEASE_S
 from wire.reasons import StopReason
@@ -441,17 +436,17 @@ Edges = dict[tuple[str, str], set[str]]
 
 def node_of(state: State, decision: Decision) -> str:
     """Return the node of the diagram for a state of the law."""
-    if state.estop:
+    if state.interlock.estop:
         return "Estop"
     if decision.mode is not Mode.STOPPED:
         return decision.mode.name.capitalize()
     reasons = set(decision.reasons)
-    (source,) = state.sources
+    (source,) = state.interlock.sources
     if source.velocity is None and reasons <= {StopReason.NO_COMMAND, StopReason.SCAN_STALE}:
         return "NobodyYet"
     if reasons <= BARRIER_REASONS:
         return "Barrier"
-    return "Cause" if source.caused_s == state.now_s else "Latched"
+    return "Cause" if source.caused_s == state.clock.now_s else "Latched"
 
 
 @cache
@@ -463,11 +458,11 @@ def transitions() -> Edges:
     edges: Edges = {}
     while queue:
         state, world, decision = queue.popleft()
-        assert state.now_s is not None
+        assert state.clock.now_s is not None
         for event in EVENTS:
             if not event.happens_in(world):
                 continue
-            after = _settle(state, event.change(world), state.now_s, event)
+            after = _settle(state, event.change(world), state.clock.now_s, event)
             before_node, after_node = node_of(state, decision), node_of(after[0], after[2])
             if before_node != after_node:
                 edges.setdefault((before_node, after_node), set()).add(event.name)
@@ -509,17 +504,17 @@ def _scan(ahead_m: float, now_s: float) -> LaserScan:
 
 def _key(state: State, world: World, decision: Decision) -> Hashable:
     """Return the part of a settled state that decides its future: every age is zero, or beyond every timeout."""
-    (source,) = state.sources
+    (source,) = state.interlock.sources
     return (
         world,
         node_of(state, decision),
-        state.owner,
+        state.interlock.owner,
         source.invalid,
         source.velocity,
         source.armed,
         source.latched <= BARRIER_REASONS,
         None if source.block is None else (source.block.kind, round(source.block.per_linear)),
-        source.caused_s == state.now_s,
+        source.caused_s == state.clock.now_s,
         source.neutral_s > source.caused_s,
     )
 

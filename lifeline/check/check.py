@@ -17,7 +17,7 @@ from lifeline.command import print_json
 from ros2.config import Ros2Section, RosSourceSection
 from sim.config import SimSection
 from supervisor.config import FULL_TURN_SLACK_RAD, NamedLidarSection, SupervisorSection
-from supervisor.law.model import Decision
+from supervisor.law.decision import Decision
 from wire import topics
 from wire.host.config import BusSection, ConfigError, read_toml
 

@@ -13,8 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from supervisor.config import SupervisorSection
-from supervisor.law.model import Command, Decision, Inputs, LaserScan, Odometry, Velocity
+from supervisor.law.decision import Decision
+from supervisor.law.model import Command, Inputs, Odometry
+from supervisor.law.reckoning import Velocity
 from supervisor.law.safety import initial_state, step
+from supervisor.law.scan import LaserScan
 
 WALL_M = 5.0
 DRIVE_S = 2.0

@@ -17,8 +17,11 @@ from lifeline.command import print_json
 from lifeline.incidents.incident import damage_of
 from supervisor.blackbox.file import DECISION, INPUTS, STATE, dumps
 from supervisor.blackbox.reader import BlackBoxError, Document, left_out_of, read, stops_of, time_of
-from supervisor.law.model import STANDSTILL, Decision, Inputs, State, Velocity
+from supervisor.law.decision import Decision
+from supervisor.law.model import Inputs
+from supervisor.law.reckoning import STANDSTILL, Velocity
 from supervisor.law.safety import step
+from supervisor.law.state import State
 from wire.standstill import is_still
 from wire.text import printable, printable_lines
 
@@ -33,7 +36,7 @@ class Difference:
 
     now_s: float
     where: str
-    """Path of the value, such as `decision.scale` or `state.sources[0].neutral_s`."""
+    """Path of the value, such as `decision.scale` or `state.interlock.sources[0].neutral_s`."""
     recorded: str
     replayed: str
 

@@ -14,7 +14,7 @@ from deploy.stack.formatting import number
 from lifeline.incidents.braking import Braking, Motion, braking
 from lifeline.incidents.incident import IncidentError, damage_of, id_of
 from supervisor.blackbox.reader import BlackBoxError, BlackBoxReader, Step, Stop
-from supervisor.law.model import Decision
+from supervisor.law.decision import Decision
 from supervisor.law.reckoning import Odometer, Pose, Velocity, reckon, where
 from supervisor.messages import to_status
 from wire.message_types import MODES

@@ -12,8 +12,11 @@ from sim.overlay import Mode, Shown
 from sim.pace import Every
 from sim.plant import Plant
 from supervisor.config import SupervisorSection
-from supervisor.law.model import Command, Decision, Inputs, LaserScan, Liveliness, Odometry, Velocity
+from supervisor.law.decision import Decision
+from supervisor.law.model import Command, Inputs, Liveliness, Odometry
+from supervisor.law.reckoning import Velocity
 from supervisor.law.safety import initial_state, step
+from supervisor.law.scan import LaserScan
 from wire.reasons import StopReason
 
 SOURCE = "teleop"

@@ -1,6 +1,6 @@
 """Writes a black box, `20260704T101530.123Z-OBSTACLE.jsonl.gz`: gzip with one JSON object per line.
 
-    {"format": "lifeline black box", "version": 1, "stops": […], "config": {…}, …}   the header
+    {"format": "lifeline black box", "version": 2, "stops": […], "config": {…}, …}   the header
     {"state": {…}}                               the law's state before the next step; one each second
     {"now_s": …, "inputs": {…}, "decision": {…}} a step of the law
     …
@@ -23,12 +23,14 @@ from pathlib import Path
 from typing import Any
 
 from supervisor.blackbox.codec import codec, record_codec
-from supervisor.law.model import Decision, Inputs, LawConfig, State
+from supervisor.law.decision import Decision
+from supervisor.law.model import Inputs, LawConfig
+from supervisor.law.state import State
 from supervisor.law.stop_rules import ROUTINE
 from wire.ownership import make_directory, open_own, refusal
 
 FORMAT = "lifeline black box"
-VERSION = 1
+VERSION = 2
 SUFFIX = ".jsonl.gz"
 OURS = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(?P<reason>[A-Z_]+)(-\d+)?\.jsonl\.gz")
 """Names of the files that may be deleted; no other file ever is."""

@@ -18,7 +18,12 @@ import numpy as np
 
 from supervisor.blackbox.codec import codec
 from supervisor.blackbox.file import FORMAT, INPUTS, LAW, VERSION
-from supervisor.law.model import Decision, Inputs, LawConfig
+from supervisor.law.base import Base
+from supervisor.law.decision import Decision
+from supervisor.law.interlock import Interlock
+from supervisor.law.model import Inputs, LawConfig
+from supervisor.law.sight import Sight
+from supervisor.law.state import Clock
 from wire.foreign import from_json
 from wire.topics import SCAN
 
@@ -28,6 +33,14 @@ FARTHEST_S = 86_400.0
 """A time farther from the stop is damage."""
 STEP_BEGINS = '{"now_s":'
 UTC = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}")
+
+PARTS = {
+    "interlock": Interlock._fields,
+    "base": Base._fields,
+    "sight": Sight._fields,
+    "clock": Clock._fields,
+}
+NAMES_IN_VERSION_1 = {"lidars": "sights", "writers": "odometry_writers"}
 
 _DECISION, _SECONDS = codec(Decision), codec(float)
 
@@ -89,6 +102,7 @@ class BlackBoxReader:
             raise BlackBoxError(
                 f"{path} has version {version}, and this Lifeline reads up to {VERSION}: replay it with a newer Lifeline"
             )
+        self._version = version
         self.header = header
         self.stops = stops_of(header)
 
@@ -142,6 +156,8 @@ class BlackBoxReader:
                             return
                         break
                     steps += "inputs" in line
+                    if "state" in line and self._version == 1:
+                        line["state"] = _nested(line["state"])
                     yield line
         except (OSError, EOFError, ValueError, zlib.error) as error:
             raise BlackBoxError(f"{self.path} is damaged after {number} lines: {error}") from error
@@ -238,6 +254,18 @@ def _object(line: str) -> dict[str, Any]:
     if not isinstance(document, dict):
         raise ValueError("a line is not a JSON object")  # noqa: TRY004 - a fault of the file
     return cast("dict[str, Any]", document)
+
+
+def _nested(flat: object) -> dict[str, Any]:
+    """Return a state of version 1, which had all fields in one object, as one of version 2."""
+    if not isinstance(flat, dict):
+        raise ValueError("a state is not a JSON object")  # noqa: TRY004 - a fault of the file
+    rest = cast("dict[str, Any]", flat)
+    parts: dict[str, Any] = {}
+    for part, fields in PARTS.items():
+        names = {field: NAMES_IN_VERSION_1.get(field, field) for field in fields}
+        parts[part] = {field: rest.pop(name) for field, name in names.items() if name in rest}
+    return rest | parts
 
 
 def _no_black_box(path: Path, error: Exception | None) -> str:

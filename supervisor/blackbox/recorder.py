@@ -26,7 +26,10 @@ import numpy as np
 
 from supervisor.blackbox.file import LAW, Order, Steps, pack_state, pack_step, write
 from supervisor.law.base_motion import moves
-from supervisor.law.model import STANDSTILL, Decision, Inputs, LawConfig, Mode, State
+from supervisor.law.decision import Decision, Mode
+from supervisor.law.model import Inputs, LawConfig
+from supervisor.law.reckoning import STANDSTILL
+from supervisor.law.state import State
 from wire.host.config import absolute
 from wire.reasons import SEVERITY, StopReason
 from wire.topics import SCAN
@@ -167,7 +170,7 @@ class BlackBox:
 
     def _known(self, state: State, decision: Decision) -> frozenset[StopReason]:
         """Return the reasons that the owner of the wheels had before this step, even if it was not the owner then."""
-        owner = next((s for s in state.sources if s.config.name == decision.owner), None)
+        owner = next((s for s in state.interlock.sources if s.config.name == decision.owner), None)
         if owner is not None:
             return owner.latched
         known, self._without_owner = self._without_owner, frozenset(decision.reasons)
@@ -235,10 +238,10 @@ class BlackBox:
 
 def _may_move(state: State, inputs: Inputs) -> bool:
     """Return whether the robot is commanded to move, moves according to odometry, or may still be braking."""
-    velocities = [state.odometer.velocity, state.following.most]
+    velocities = [state.base.odometer.velocity, state.base.following.most]
     if inputs.odometry is not None:
         velocities.append(inputs.odometry.velocity)
-    return state.output != STANDSTILL or any(
+    return state.base.output != STANDSTILL or any(
         moves(velocity, state.config.residual) for velocity in velocities
     )
 

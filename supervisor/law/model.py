@@ -1,35 +1,22 @@
-"""The types of the law: configuration, inputs, state and decision.
+"""The types of the law's configuration and inputs.
 
 Times are seconds of the supervisor's own monotonic clock, velocities m/s and rad/s in the base frame.
-The state consists of named tuples, because the law replaces them often: they cost a third of a frozen dataclass.
 """
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cached_property
 from typing import NamedTuple
 
-from supervisor.law.base_braking import UNMEASURED, Braking
-from supervisor.law.base_motion import FOLLOWING, Following
-from supervisor.law.clearance import NO_POINTS, Block, Floats, Hull, Surroundings
-from supervisor.law.estop_stations import Presence, Station, StationConfig, Stations, TokenEnd
-from supervisor.law.near_memory import Remembered
-from supervisor.law.reckoning import STANDSTILL, Odometer, Pose, Velocity
-from supervisor.law.scan import LaserScan, Lidar, ScanReading, View
-from wire.freshness import Sent, Track, Verdict
-from wire.reasons import Limit, StopReason
+from supervisor.law.clearance import Hull
+from supervisor.law.estop_stations import Presence, StationConfig, TokenEnd
+from supervisor.law.reckoning import Velocity
+from supervisor.law.scan import LaserScan, Lidar
+from supervisor.law.transition import at_least
+from wire.freshness import Sent, Verdict
+from wire.reasons import StopReason
 
 Reasons = frozenset[StopReason]
-
-
-class Mode(IntEnum):
-    """Mode of the robot; the numbers are those of SafetyStatus."""
-
-    STOPPED = 0
-    READY = 1
-    DRIVING = 2
-    LIMITED = 3
 
 
 RESIDUAL_M_S = 0.05
@@ -127,6 +114,14 @@ class LawConfig:
         """Noise of odometry [m/s, rad/s]: a slower base counts as standing still."""
         return Velocity(RESIDUAL_M_S, RESIDUAL_M_S / self.hull.radius_m)
 
+    def hull_speed_m_s(self, velocity: Velocity) -> float:
+        """Return an upper bound of the speed of any point of the hull [m/s]."""
+        return abs(velocity.linear_m_s) + abs(velocity.angular_rad_s) * self.hull.radius_m
+
+    def useful(self, velocity: Velocity) -> Velocity:
+        """Return the velocity, scaled up to the minimum useful speed if it is slower."""
+        return at_least(velocity, self.creep_m_s, self.hull.radius_m)
+
 
 # --- inputs
 
@@ -191,9 +186,6 @@ class Inputs:
     """How long the machine was suspended since the last step; `now_s` does not include this time."""
 
 
-# --- state
-
-
 class Counts(NamedTuple):
     """Numbers of a source's commands, or of a lidar's scans, by verdict."""
 
@@ -209,160 +201,3 @@ class Counts(NamedTuple):
         if verdict is Verdict.FRESH:
             return Counts(self.accepted + 1, *self[1:])
         return self._replace(**{verdict.value: getattr(self, verdict.value) + 1})
-
-
-class Source(NamedTuple):
-    """State of one command source."""
-
-    config: SourceConfig
-    track: Track = Track()
-    velocity: Velocity | None = None
-    """Its last accepted command, clamped to the limits; None before the first, and after the source left while neutral."""
-    sent_s: float = -math.inf
-    """When that command was sent, by the local clock: arrival time minus transport time."""
-    neutral_s: float = -math.inf
-    """When its last accepted neutral command was sent, as `sent_s`: one that waited for this process came before the stop ended."""
-    refused_s: float = -math.inf
-    """When one of its commands was last refused as not fresh."""
-    stamped: bool = False
-    alive: bool | None = None
-    """Whether its liveliness token exists; None if it never had one."""
-    lost: bool = False
-    """Whether the token of the run whose commands arrived last was deleted, and is not back."""
-    invalid: bool = False
-    """Whether its last command was invalid."""
-    latched: Reasons = frozenset({StopReason.NO_COMMAND})
-    """Latched stop reasons; the source is armed if there are none."""
-    caused_s: float = -math.inf
-    """Time of the last step at which a cause prevented it from driving; only a later neutral arms it."""
-    block: Block | None = None
-    """The point that it was approaching when the barrier latched a stop."""
-    counts: Counts = Counts()
-
-    @property
-    def armed(self) -> bool:
-        return not self.latched
-
-    @property
-    def neutral(self) -> bool:
-        return self.velocity is None or self.velocity == STANDSTILL
-
-
-class Writer(NamedTuple):
-    """A writer on one sensor's key, with the times at which it was last heard and heard before that."""
-
-    gid: bytes
-    heard_s: float
-    before_s: float = -math.inf
-
-
-class Past(NamedTuple):
-    """A recent view of one lidar, for places that are no longer in view."""
-
-    lidar: str
-    view: View
-
-
-class Sight(NamedTuple):
-    """State of one lidar."""
-
-    scan: ScanReading | None = None
-    track: Track = Track()
-    counts: Counts = Counts()
-    writers: tuple[Writer, ...] = ()
-    earlier: Floats = NO_POINTS
-    """(n, 2) [m]: near points of the scans before the newest, in the newest scan's base frame; it may show them again."""
-
-
-class Place(NamedTuple):
-    """Points that do not belong to a single scan, and the odometer pose that is their frame."""
-
-    pose: Pose
-    around: Surroundings
-
-
-class State(NamedTuple):
-    """Everything that the law remembers between two steps."""
-
-    config: LawConfig
-    sources: tuple[Source, ...]
-    owner: str = ""
-    now_s: float | None = None
-    """The last step's time; None before the first."""
-    sights: tuple[Sight, ...] = ()
-    """One for each configured lidar."""
-    memory: Remembered = Remembered()
-    """Near points of earlier scans."""
-    memory_pose: Pose = Odometer().pose
-    """The odometer pose that is the frame of `memory`."""
-    past: tuple[Past, ...] = ()
-    """Views of the last `unseen_memory_s`."""
-    places: tuple[Place, ...] = ()
-    """The remembered points and the hidden places."""
-    looking: tuple[int, ...] = ()
-    """Indices of the lidars from whose scans the hidden places were computed."""
-    odometry: Odometry | None = None
-    odometry_writers: tuple[Writer, ...] = ()
-    odometer: Odometer = Odometer()
-    odometers: tuple[Odometer, ...] = ()
-    """Recent odometers, for the robot's pose at the time a scan was taken."""
-    way_m: float = 0.0
-    """Upper bound of the distance that any point of the hull has moved, measured or commanded."""
-    following: Following = FOLLOWING
-    braking: Braking = UNMEASURED
-    estop: bool = False
-    output: Velocity = STANDSTILL
-    stopped_s: float | None = None
-    """Since when zero has been commanded; None while driving."""
-    runaway: bool = False
-    strangers: tuple[str, ...] = ()
-    resumed_s: float = -math.inf
-    """When a suspend of the machine was last detected."""
-    stations: Stations = Stations()
-    """The leases of the e-stop stations."""
-
-    @property
-    def is_estop_latched(self) -> bool:
-        """Whether only a reset permits motion again."""
-        return self.estop or self.stations.latched
-
-
-# --- decision
-
-
-@dataclass(frozen=True, slots=True)
-class Reply:
-    """The answer to a reset."""
-
-    success: bool
-    message: str
-
-
-class Decision(NamedTuple):
-    """The velocity for the wheels, and everything that explains it."""
-
-    mode: Mode
-    output: Velocity
-    reasons: tuple[StopReason, ...]
-    owner: str
-    commanded: Velocity
-    scale: float
-    nearest_m: float
-    nearest_bearing_rad: float
-    warning: bool
-    alarm: bool
-    scan_age_s: float
-    scan_problem: str
-    scan_counts: Counts
-    sources: tuple[Source, ...]
-    strangers: tuple[str, ...]
-    reset_reply: Reply | None = None
-    causes: tuple[StopReason, ...] = ()
-    """Stop reasons that hold now, most severe first; they may limit the motion without a stop."""
-    latched: tuple[StopReason, ...] = ()
-    """Stop reasons whose causes have ended, but that the owner has not yet cleared with a neutral command."""
-    limit: Limit | None = None
-    """What reduces the speed without a cause; None: nothing, or the barrier."""
-    detail: str = ""
-    """Details of the first cause, as part of a sentence; empty if there are none."""
-    stations: tuple[Station, ...] = ()

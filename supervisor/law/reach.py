@@ -14,8 +14,14 @@ import math
 from typing import NamedTuple
 
 from supervisor.law.clearance import STRAY_M, Barrier, Surroundings, moved, survey
-from supervisor.law.model import Place
-from supervisor.law.reckoning import Odometer, displacement
+from supervisor.law.reckoning import Odometer, Pose, displacement
+
+
+class Place(NamedTuple):
+    """Points that do not belong to a single scan, and the odometer pose that is their frame."""
+
+    pose: Pose
+    around: Surroundings
 
 
 class KnownPoints(NamedTuple):

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from supervisor import service
-from supervisor.law.model import Decision, Inputs, State
+from supervisor.law.decision import Decision
+from supervisor.law.model import Inputs
+from supervisor.law.state import State
 from tests.component.rig import Rig, laser_scan
 from virtual.loop import VirtualLoop
 from virtual.network import HOP_S
@@ -371,7 +373,7 @@ async def test_a_supervisor_held_up_between_deciding_and_saying_so_reports_how_o
 
         def held_up(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
             decided = decide(state, now_s, inputs)
-            if decided[1].output != state.output:
+            if decided[1].output != state.base.output:
                 monkeypatch.setattr(service, "step", decide)
                 loop.advance(held_up_s)
             return decided

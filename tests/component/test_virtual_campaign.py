@@ -24,8 +24,8 @@ from faults.trial import PROVENANCE_BEGINS, Trial
 from faults.trial_file import read_trials
 from sim.config import SimSection
 from supervisor.config import SupervisorSection
-from supervisor.law import safety
-from supervisor.law.model import Source
+from supervisor.law import interlock, permission, safety
+from supervisor.law.interlock import Source
 from tests.component.rig import Rig, laser_scan
 from wire import topics
 
@@ -72,7 +72,7 @@ def test_without_the_barrier_it_comes_too_near(monkeypatch: pytest.MonkeyPatch) 
     def everything(*_: object, **__: object) -> tuple[float, None]:
         return 1.0, None
 
-    monkeypatch.setattr(safety, "permitted_scale", everything)
+    monkeypatch.setattr(permission, "permitted_scale", everything)
     assert broken(6, run_trial, first=11)
 
 
@@ -85,14 +85,14 @@ def test_with_a_scan_timeout_ten_times_as_long_it_drives_blindly() -> None:
 
 
 def test_without_the_interlock_it_moves_without_a_neutral(monkeypatch: pytest.MonkeyPatch) -> None:
-    latch: Any = safety._latch  # pyright: ignore[reportPrivateUsage]
+    latch: Any = interlock._latch  # pyright: ignore[reportPrivateUsage]
 
     def forget(source: Source, *judged: object) -> Source:
         latched: Source = latch(source, *judged)
         causes = judged[1]
-        return latched if causes else latched._replace(latched=safety.NONE, block=None)
+        return latched if causes else latched._replace(latched=interlock.NONE, block=None)
 
-    monkeypatch.setattr(safety, "_latch", forget)
+    monkeypatch.setattr(interlock, "_latch", forget)
     assert broken(7, run_trial, first=14)
 
 

@@ -37,7 +37,8 @@ from sim.layout import LayoutError, read_layout
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import pressed_by
-from supervisor.law.model import Inputs, Odometry, Velocity
+from supervisor.law.model import Inputs, Odometry
+from supervisor.law.reckoning import Velocity
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, WriterAtOnce
 from tests.unit.supervisor.law.law_harness import CONFIG, FORWARD, TICK_S
 from wire.host.config import BusSection, ConfigError

@@ -7,7 +7,7 @@ after at most max(|v|, |ω|·radius) / braking, as the law assumes.
 import math
 from typing import Protocol
 
-from supervisor.law.model import STANDSTILL, Velocity
+from supervisor.law.reckoning import STANDSTILL, Velocity
 
 
 class Base(Protocol):

@@ -13,7 +13,7 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
 from supervisor.law.clearance import Circle
-from supervisor.law.model import Pose
+from supervisor.law.reckoning import Pose
 from tests.scenes.run import Moment, Outcome
 from tests.scenes.scene import Lidar, Scene
 from tests.scenes.sensing import Ranges

@@ -7,9 +7,11 @@ import numpy as np
 
 import supervisor.law.scan
 from supervisor.config import SupervisorSection
+from supervisor.law.decision import Decision
 from supervisor.law.lidar import PROFILES
-from supervisor.law.model import Command, Decision, Inputs, LaserScan, LawConfig, Odometry, Velocity
-from supervisor.law.scan import Mount
+from supervisor.law.model import Command, Inputs, LawConfig, Odometry
+from supervisor.law.reckoning import Velocity
+from supervisor.law.scan import LaserScan, Mount
 from tests.scenes.scene import Lidar, Scene, timeout_s
 from tests.scenes.sensing import Ranges
 from wire.freshness import Sent

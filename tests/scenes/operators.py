@@ -5,7 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
-from supervisor.law.model import STANDSTILL, Pose, Velocity
+from supervisor.law.reckoning import STANDSTILL, Pose, Velocity
 from tests.scenes.world import Measure, World
 
 FASTEST_M_S = 1.0

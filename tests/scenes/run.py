@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from supervisor.law.model import STANDSTILL, Decision, Pose, Velocity
+from supervisor.law.decision import Decision
+from supervisor.law.reckoning import STANDSTILL, Pose, Velocity
 from supervisor.law.safety import initial_state, step
 from tests.scenes import law
 from tests.scenes.base import AxisBase, Base, MixtureBase

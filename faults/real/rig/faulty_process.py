@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
     from sim.plant import Plant
-    from supervisor.law.model import Velocity
+    from supervisor.law.reckoning import Velocity
     from wire.messages import Twist
 
 DIRECTORY = "LIFELINE_FAULTS_DIR"

@@ -11,7 +11,7 @@ import pytest
 
 from faults.real.rig.faulty_process import CRASH_CODE, DIRECTORY, obey
 from supervisor import service
-from supervisor.law.model import Velocity
+from supervisor.law.reckoning import Velocity
 from wire.messages import planar_twist
 
 LOOP = """

@@ -12,7 +12,7 @@ from deploy.stack.launch import DEFAULT_CONFIG
 from lifeline.check.check import Report, examine, stopping
 from lifeline.check.motions import MOTIONS, Permitted
 from lifeline.cli.app import app
-from supervisor.law.model import STANDSTILL, Velocity
+from supervisor.law.reckoning import STANDSTILL, Velocity
 from wire.reasons import StopReason
 
 EXAMPLES = {path.stem: path for path in (DEFAULT_CONFIG.parent / "examples").glob("*.toml")}

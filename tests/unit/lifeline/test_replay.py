@@ -12,7 +12,8 @@ from typer.testing import CliRunner, Result
 from lifeline.cli.app import app
 from supervisor.blackbox.file import VERSION
 from supervisor.blackbox.recorder import BlackBox
-from supervisor.law.model import Inputs, Odometry, Velocity
+from supervisor.law.model import Inputs, Odometry
+from supervisor.law.reckoning import Velocity
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, WriterAtOnce
 from tests.unit.supervisor.law.law_harness import CONFIG, TICK_S
 

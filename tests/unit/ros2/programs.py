@@ -8,7 +8,9 @@ from ros2 import commands as adapter
 from ros2.commands import Source
 from ros2.header_age import HeaderAge
 from ros2.samples import Sample, Writers
-from supervisor.law.model import Command, Decision, Inputs, Liveliness, Velocity
+from supervisor.law.decision import Decision
+from supervisor.law.model import Command, Inputs, Liveliness
+from supervisor.law.reckoning import Velocity
 from tests.unit.supervisor.law.law_harness import NEUTRAL, TICK_S, Law
 from wire import cdr
 from wire.freshness import Sent

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from supervisor import service
-from supervisor.law.model import Velocity
+from supervisor.law.reckoning import Velocity
 from tests.fuzz import payloads
 from tests.fuzz.decoding import Tally, case, fuzz_decoders
 from tests.fuzz.driving import scene

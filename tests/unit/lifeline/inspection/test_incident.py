@@ -12,7 +12,8 @@ from lifeline.incidents import incident
 from lifeline.incidents.incident import IncidentError, messages
 from lifeline.recording import Recorded
 from supervisor.blackbox.recorder import BlackBox
-from supervisor.law.model import Command, Inputs, Odometry, Velocity
+from supervisor.law.model import Command, Inputs, Odometry
+from supervisor.law.reckoning import Velocity
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, WriterAtOnce
 from tests.unit.supervisor.law.law_harness import CONFIG, FORWARD, TICK_S, lost
 from wire.freshness import Sent

@@ -12,7 +12,8 @@ from lifeline.incidents import summary as incident_summary
 from lifeline.incidents.incident import IncidentError
 from lifeline.incidents.summary import read_incident
 from supervisor.blackbox.recorder import BlackBox
-from supervisor.law.model import Inputs, Odometry, Velocity
+from supervisor.law.model import Inputs, Odometry
+from supervisor.law.reckoning import Velocity
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, WriterAtOnce
 from tests.unit.supervisor.law.law_harness import CONFIG, FORWARD, NEUTRAL, SPIN, TICK_S, lost
 from wire.messages import SafetyStatus

@@ -9,8 +9,12 @@ import numpy as np
 
 from supervisor.blackbox.file import Order, write
 from supervisor.blackbox.recorder import FILE_BYTES, BlackBox
-from supervisor.law.model import Command, Decision, Inputs, LaserScan, Liveliness, Odometry, State, Velocity
+from supervisor.law.decision import Decision
+from supervisor.law.model import Command, Inputs, Liveliness, Odometry
+from supervisor.law.reckoning import Velocity
 from supervisor.law.safety import step
+from supervisor.law.scan import LaserScan
+from supervisor.law.state import State
 from tests.unit.supervisor.law.law_harness import (
     CONFIG,
     FORWARD,
@@ -144,7 +148,7 @@ class Drive:
                 scan.ranges[rng.random(360) < 0.03] = rng.choice([np.nan, np.inf, -np.inf, 0.0])
                 told["scans"] = (scan,)
             if rng.random() < 0.3:
-                moved = Velocity(self.state.output.linear_m_s + rng.normal(0.0, 0.001), 0.0)
+                moved = Velocity(self.state.base.output.linear_m_s + rng.normal(0.0, 0.001), 0.0)
                 told["odometry"] = Odometry(moved, now_s)
             if rng.random() < 0.002:
                 told["liveliness"] = (Liveliness("teleop", alive=False), Liveliness("teleop", alive=True))

@@ -19,7 +19,11 @@ from hypothesis.extra import numpy as hnp
 
 from supervisor.blackbox.codec import Codec, codec, record_codec
 from supervisor.law.clearance import Circle, ConvexPolygon, Hull
-from supervisor.law.model import Decision, Inputs, LaserScan, LawConfig, Mode, State, Velocity
+from supervisor.law.decision import Decision, Mode
+from supervisor.law.model import Inputs, LawConfig
+from supervisor.law.reckoning import Velocity
+from supervisor.law.scan import LaserScan
+from supervisor.law.state import State
 from tests.unit.supervisor.law.law_harness import CONFIG, laser_scan, ring
 from wire.reasons import StopReason
 

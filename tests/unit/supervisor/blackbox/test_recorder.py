@@ -30,7 +30,9 @@ from supervisor.blackbox.recorder import (
     ThreadWriter,
 )
 from supervisor.config import SupervisorSection
-from supervisor.law.model import Inputs, Mode, Odometry, Velocity
+from supervisor.law.decision import Mode
+from supervisor.law.model import Inputs, Odometry
+from supervisor.law.reckoning import Velocity
 from supervisor.law.safety import initial_state, step
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, KeepingWriter, WriterAtOnce
 from tests.unit.supervisor.law.law_harness import CONFIG, FORWARD, NEUTRAL, TICK_S, lost, on_time
@@ -603,11 +605,11 @@ def test_an_input_that_was_tampered_with_changes_the_decision() -> None:
 def test_a_state_that_was_tampered_with_is_found_where_it_is() -> None:
     def change(lines: list[dict[str, Any]]) -> None:
         states = [line for line in lines if "state" in line]
-        states[2]["state"]["sources"][0]["neutral_s"] = -0.0
+        states[2]["state"]["interlock"]["sources"][0]["neutral_s"] = -0.0
 
     difference = replay(written(an_order(), change)).difference
     assert difference is not None
-    assert difference.where == "state.sources[0].neutral_s"
+    assert difference.where == "state.interlock.sources[0].neutral_s"
     assert difference.recorded == "-0.0"
 
 

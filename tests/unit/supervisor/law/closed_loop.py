@@ -14,9 +14,10 @@ import numpy.typing as npt
 
 from supervisor.config import SupervisorSection
 from supervisor.law.clearance import Circle, ConvexPolygon
-from supervisor.law.model import STANDSTILL, Command, Inputs, LaserScan, Odometry, Pose, Velocity
+from supervisor.law.model import Command, Inputs, Odometry
+from supervisor.law.reckoning import STANDSTILL, Pose, Velocity
 from supervisor.law.safety import initial_state, step
-from supervisor.law.scan import Mount
+from supervisor.law.scan import LaserScan, Mount
 from tests.unit.supervisor.law.law_harness import TICK_S, with_lidar
 from wire.reasons import StopReason
 

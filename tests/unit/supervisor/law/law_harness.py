@@ -7,18 +7,12 @@ from itertools import count
 import numpy as np
 
 from supervisor.config import SupervisorSection
-from supervisor.law.model import (
-    Command,
-    Decision,
-    Inputs,
-    LaserScan,
-    LawConfig,
-    Liveliness,
-    Odometry,
-    State,
-    Velocity,
-)
+from supervisor.law.decision import Decision
+from supervisor.law.model import Command, Inputs, LawConfig, Liveliness, Odometry
+from supervisor.law.reckoning import Velocity
 from supervisor.law.safety import initial_state, step
+from supervisor.law.scan import LaserScan
+from supervisor.law.state import State
 from wire.freshness import Sent, Track
 
 TICK_S = 0.02
@@ -82,9 +76,9 @@ def proven_state(config: LawConfig, *, now_s: float = 1000.0) -> State:
                 Sent(source.config.name.encode(), next(_sequences), now_s - 1.0), now_s - 1.0, proven=True
             )
         )
-        for source in state.sources
+        for source in state.interlock.sources
     )
-    return state._replace(sources=tuple(sources))
+    return state._replace(interlock=state.interlock._replace(sources=tuple(sources)))
 
 
 def on_time(source: str, velocity: Velocity | None, arrival_s: float) -> Command:

@@ -15,9 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from supervisor.config import FootprintSection, LidarSection, SupervisorSection
-from supervisor.law.model import Decision, Inputs, LaserScan, LawConfig, Odometry, State, Velocity
+from supervisor.law.decision import Decision
+from supervisor.law.model import Inputs, LawConfig, Odometry
 from supervisor.law.near_memory import Remembered
+from supervisor.law.reckoning import Velocity
 from supervisor.law.safety import step
+from supervisor.law.scan import LaserScan
+from supervisor.law.state import State
 from supervisor.messages import to_scan
 from tests.unit.supervisor.law.law_harness import NEUTRAL, TICK_S, on_time, proven_state
 from wire import messages as ros
@@ -322,10 +326,11 @@ class Replay:
 
     def recovery_s(self, good: Ranges, limit_s: float) -> float:
         """Return the time until it drives again, with valid scans, a standing base and an operator."""
-        assert self.state.now_s is not None
+        assert self.state.clock.now_s is not None
         # The scene changes here, so the memory of the previous one is not valid.
-        start_s = self.state.now_s
-        self.state = self.state._replace(memory=Remembered(), places=())
+        start_s = self.state.clock.now_s
+        sight = self.state.sight._replace(memory=Remembered(), places=())
+        self.state = self.state._replace(sight=sight)
         lag_s, period_s = self.recording.header_lag_s, self.recording.period_s
         next_scan_s, flip = start_s + period_s, 0
         accepted = self.decision.scan_counts.accepted

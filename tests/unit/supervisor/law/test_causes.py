@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from supervisor.law.model import Command, Decision, Inputs, Mode, SourceConfig, Velocity
-from supervisor.law.reckoning import STANDSTILL
+from supervisor.law.decision import Decision, Mode
+from supervisor.law.model import Command, Inputs, SourceConfig
+from supervisor.law.reckoning import STANDSTILL, Velocity
 from supervisor.law.safety import RELEASED_FACTOR, initial_state
 from tests.unit.supervisor.law.law_harness import (
     BACK,

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supervisor.law.model import Inputs, Mode, Velocity
-from supervisor.law.reckoning import STANDSTILL
+from supervisor.law.decision import Mode
+from supervisor.law.model import Inputs
+from supervisor.law.reckoning import STANDSTILL, Velocity
 from tests.unit.supervisor.law.law_harness import ANY_AGE, BACK, CONFIG, FORWARD, NEUTRAL, TICK_S, Law
 from wire.reasons import Limit
 

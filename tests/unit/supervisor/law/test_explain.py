@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from supervisor.law.explain import detail_of
+from supervisor.law.decision import detail_of
 from wire.reasons import Limit, StopReason
 
 LEFT_40 = math.radians(40)

@@ -20,7 +20,9 @@ import pytest
 
 from supervisor.config import SupervisorSection
 from supervisor.law.clearance import ConvexPolygon
-from supervisor.law.model import STANDSTILL, Inputs, Mode, Velocity
+from supervisor.law.decision import Mode
+from supervisor.law.model import Inputs
+from supervisor.law.reckoning import STANDSTILL, Velocity
 from supervisor.law.safety import initial_state, step
 from supervisor.messages import HEADER_EPOCH, to_scan
 from tests.unit.supervisor.law.law_harness import (
@@ -127,7 +129,7 @@ def test_a_driver_without_sequences_is_seen_again_after_any_silence(silent_s: fl
         assert scan is not None
         state, decision = step(state, arrival_s, Inputs(scans=(scan,)))
         reasons = frozenset(decision.reasons)
-    assert state.sights[0].counts.sequence == 0
+    assert state.sight.lidars[0].counts.sequence == 0
     assert reasons
     assert StopReason.SCAN_STALE not in reasons
 

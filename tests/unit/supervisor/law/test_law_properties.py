@@ -28,25 +28,15 @@ from supervisor.law.clearance import (
     permitted_scale,
     survey,
 )
+from supervisor.law.decision import Decision, Mode
+from supervisor.law.interlock import BARRIER_REASONS, Source
 from supervisor.law.lidar import PROFILES, LidarProfile
-from supervisor.law.model import (
-    STANDSTILL,
-    Command,
-    Decision,
-    Inputs,
-    LaserScan,
-    LawConfig,
-    Liveliness,
-    Mode,
-    Odometry,
-    Source,
-    State,
-    Velocity,
-)
-from supervisor.law.reckoning import Pose
-from supervisor.law.safety import BARRIER_REASONS, initial_state, step
-from supervisor.law.scan import Lidar, Moment, Mount, ScanReading, read_scan
+from supervisor.law.model import Command, Inputs, LawConfig, Liveliness, Odometry
+from supervisor.law.reckoning import STANDSTILL, Pose, Velocity
+from supervisor.law.safety import initial_state, step
+from supervisor.law.scan import LaserScan, Lidar, Moment, Mount, ScanReading, read_scan
 from supervisor.law.seen_space import hidden_places
+from supervisor.law.state import State
 from tests.unit.supervisor.law.closed_loop import Outcome, drive_about
 from tests.unit.supervisor.law.law_harness import on_time, proven_state, with_lidar
 from wire.freshness import JUMP, Sent, Track, Verdict, judge
@@ -429,7 +419,7 @@ class Witness:
         config = self.config
         accepted = {
             s.config.name: s.counts.accepted - b.counts.accepted
-            for s, b in zip(decision.sources, before.sources, strict=True)
+            for s, b in zip(decision.sources, before.interlock.sources, strict=True)
         }
         if inputs.odometry is not None:
             self.odometry_s = inputs.odometry.arrival_s
@@ -608,7 +598,7 @@ class Life:
             self.has_odometry = True
         elif event == "silent odometry":
             self.has_odometry = False
-        return Odometry(odd.get(event, self.state.output), self.now_s) if self.has_odometry else None
+        return Odometry(odd.get(event, self.state.base.output), self.now_s) if self.has_odometry else None
 
 
 def _liveliness(event: str, state: State) -> tuple[Liveliness, ...]:
@@ -627,7 +617,7 @@ def _liveliness(event: str, state: State) -> tuple[Liveliness, ...]:
 
 def _run_of(name: str, state: State) -> bytes:
     """Return the epoch of a source's newest commands; empty if they have none."""
-    last = next(s.track.last for s in state.sources if s.config.name == name)
+    last = next(s.track.last for s in state.interlock.sources if s.config.name == name)
     return b"" if last is None else last.epoch
 
 

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 from supervisor.config import LidarSection, SupervisorSection
+from supervisor.law.decision import Decision
 from supervisor.law.lidar import PROFILES
-from supervisor.law.model import STANDSTILL, Decision, Inputs, LawConfig, Odometry, Velocity
+from supervisor.law.model import Inputs, LawConfig, Odometry
+from supervisor.law.reckoning import STANDSTILL, Velocity
 from supervisor.law.safety import step
 from tests.unit.supervisor.law import recordings
 from tests.unit.supervisor.law.law_harness import NEUTRAL, TICK_S, on_time, proven_state, with_lidar
@@ -123,8 +125,8 @@ def test_a_recorded_drive_of_a_neato_keeps_its_speed_for_99_percent_of_its_time(
         if decision.commanded != STANDSTILL:
             moving += 1
             slowed += bool(decision.reasons) or decision.scale < 1.0
-        if replay.state.odometry is not None:
-            replay.motion = replay.state.odometry.velocity
+        if replay.state.base.odometry is not None:
+            replay.motion = replay.state.base.odometry.velocity
     print(f"slowed or stopped in {slowed} of {moving} steps of a moving robot")
     assert moving > 1000
     assert slowed < 0.01 * moving
@@ -192,8 +194,8 @@ def test_an_odometry_spike_neither_stops_it_permanently_nor_hides_what_is_ahead(
     good = _open(recording)[0]
     replay = Replay(recording, SLOW if driving else NEUTRAL)
     assert replay.recovery_s(good, 2.0) < 2.0 or not driving
-    assert replay.state.now_s is not None
-    now_s = replay.state.now_s + TICK_S
+    assert replay.state.clock.now_s is not None
+    now_s = replay.state.clock.now_s + TICK_S
     _check(replay.step(now_s, odometry=Odometry(SPIKE, now_s)), recording.config)
     painted = recording.painted(good)
     header_s = now_s + TICK_S - recording.header_lag_s

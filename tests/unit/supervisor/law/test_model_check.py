@@ -25,24 +25,14 @@ import pytest
 
 from supervisor.config import SupervisorSection
 from supervisor.law.base_motion import PATIENCE_S
-from supervisor.law.model import (
-    STANDSTILL,
-    Command,
-    Decision,
-    Inputs,
-    LaserScan,
-    LawConfig,
-    Liveliness,
-    Mode,
-    Odometry,
-    Source,
-    SourceConfig,
-    State,
-    Velocity,
-)
-from supervisor.law.reckoning import Odometer, Pose
-from supervisor.law.safety import BARRIER_REASONS, WRITER_WINDOW_S, step
-from supervisor.law.scan import Moment, ScanReading, read_scan
+from supervisor.law.decision import Decision, Mode
+from supervisor.law.interlock import BARRIER_REASONS, Source
+from supervisor.law.model import Command, Inputs, LawConfig, Liveliness, Odometry, SourceConfig
+from supervisor.law.reckoning import STANDSTILL, Odometer, Pose, Velocity
+from supervisor.law.safety import step
+from supervisor.law.scan import LaserScan, Moment, ScanReading, read_scan
+from supervisor.law.state import State
+from supervisor.law.writers import WRITER_WINDOW_S
 from tests.unit.supervisor.law.law_harness import on_time, proven_state
 from wire.reasons import StopReason
 
@@ -122,7 +112,7 @@ class Event:
     stamped: bool = True
 
     def inputs(self, now_s: float, state: State) -> Inputs:
-        last = state.sights[0].scan
+        last = state.sight.lidars[0].scan
         scans: list[LaserScan] = []
         if self.scan is not None:
             increment = 2 * math.pi / BEAMS
@@ -273,8 +263,8 @@ def _latched(source: Source) -> str:
 
 def _key(state: State, monitor: Monitor, *, rivals: bool) -> Hashable:
     """The state, as far as its future depends on it; on when a writer was heard it does only if it has rivals."""
-    assert state.now_s is not None
-    now_s = state.now_s
+    assert state.clock.now_s is not None
+    now_s = state.clock.now_s
     sources = tuple(
         (
             source.alive is False,
@@ -285,14 +275,14 @@ def _key(state: State, monitor: Monitor, *, rivals: bool) -> Hashable:
             _latched(source),
             None if source.block is None else (source.block.kind, source.block.per_linear > 0.0),
         )
-        for source in state.sources
+        for source in state.interlock.sources
     )
     if monitor.unstamped is not None:
-        track = state.sources[0].track
+        track = state.interlock.sources[0].track
         silent = _age(now_s, track.unstamped_at_s)
         run_s = track.unstamped_at_s - track.unstamped_since_s
         sources = (*sources, (silent, 0 if silent == OLD_TICKS else min(OLD_TICKS, round(run_s / TICK_S))))
-    (sight,) = state.sights
+    (sight,) = state.sight.lidars
     scan, seen = sight.scan, None
     if scan is not None and scan.view is not None:
         age = _age(now_s, scan.taken_s)
@@ -306,27 +296,40 @@ def _key(state: State, monitor: Monitor, *, rivals: bool) -> Hashable:
             None if age == OLD_TICKS else (scan.problem is None, *explained),
             len(scan.around.points) > 0,
         )
-    kept = (len(sight.earlier) > 0, len(state.memory.points) > 0)
+    kept = (len(sight.earlier) > 0, len(state.sight.memory.points) > 0)
     writers = frozenset(
         (writer.gid, heard, _age(now_s, writer.before_s, WINDOW_TICKS))
         for writer in (sight.writers if rivals else ())
         if (heard := _age(now_s, writer.heard_s, WINDOW_TICKS)) < WINDOW_TICKS
     )
-    slept = _age(now_s, state.resumed_s)
+    slept = _age(now_s, state.clock.resumed_s)
     base = None
-    if state.odometry is not None:
-        stopped_s = now_s if state.stopped_s is None else state.stopped_s
+    if state.base.odometry is not None:
+        stopped_s = now_s if state.base.stopped_s is None else state.base.stopped_s
         base = (
-            state.odometry.velocity,
-            _age(now_s, state.odometry.arrival_s),
-            state.following.least,
-            state.following.most,
-            None if state.following.since_s is None else _age(now_s, state.following.since_s, PATIENT_TICKS),
-            state.following.unresponsive,
+            state.base.odometry.velocity,
+            _age(now_s, state.base.odometry.arrival_s),
+            state.base.following.least,
+            state.base.following.most,
+            None
+            if state.base.following.since_s is None
+            else _age(now_s, state.base.following.since_s, PATIENT_TICKS),
+            state.base.following.unresponsive,
             min(BRAKED_TICKS, round((now_s - stopped_s) / TICK_S)),
-            min(BRAKED_TICKS, max(0, round((state.odometry.arrival_s - stopped_s) / TICK_S))),
+            min(BRAKED_TICKS, max(0, round((state.base.odometry.arrival_s - stopped_s) / TICK_S))),
         )
-    return (sources, state.owner, seen, kept, writers, slept, state.estop, state.runaway, base, monitor)
+    return (
+        sources,
+        state.interlock.owner,
+        seen,
+        kept,
+        writers,
+        slept,
+        state.interlock.estop,
+        state.base.runaway,
+        base,
+        monitor,
+    )
 
 
 def _check(before: State, decision: Decision, monitor: Monitor, way: Callable[[], list[str]]) -> None:
@@ -342,13 +345,13 @@ def _check(before: State, decision: Decision, monitor: Monitor, way: Callable[[]
         assert output == STANDSTILL, way()
     if any(
         StopReason.OBSTACLE in source.latched - earlier.latched
-        for earlier, source in zip(before.sources, decision.sources, strict=True)
+        for earlier, source in zip(before.interlock.sources, decision.sources, strict=True)
     ):
-        assert len(before.sights[0].earlier) or _showed_something(before), way()
+        assert len(before.sight.lidars[0].earlier) or _showed_something(before), way()
     if output != STANDSTILL:
         assert decision.owner in monitor.neutral, way()
         assert monitor.proven, way()
-        assert not before.estop, way()
+        assert not before.interlock.estop, way()
         owner = next(s for s in decision.sources if s.config.name == decision.owner)
         assert owner.alive is not False, way()
         assert not owner.invalid, way()
@@ -356,14 +359,14 @@ def _check(before: State, decision: Decision, monitor: Monitor, way: Callable[[]
 
 def _showed_something(state: State) -> bool:
     """Return whether the newest scan had a reading near the robot."""
-    scan = state.sights[0].scan
+    scan = state.sight.lidars[0].scan
     return scan is not None and len(scan.around.points) > 0
 
 
 def _recovers(state: State, *, stamped: bool) -> bool:
     """Promise 8: clear scans, a base that stands, a reset and the operator's neutral make it drivable again."""
-    assert state.now_s is not None
-    now_s = state.now_s
+    assert state.clock.now_s is not None
+    now_s = state.clock.now_s
     alive = (Liveliness("teleop", alive=True),)
     neutral = (("teleop", NEUTRAL), ("path", NEUTRAL))
     for event in (
@@ -374,7 +377,10 @@ def _recovers(state: State, *, stamped: bool) -> bool:
         now_s += TICK_S
         state, decision = step(state, now_s, replace(event, stamped=stamped).inputs(now_s, state))
         assert decision.output == STANDSTILL
-        if all(source.armed for source in state.sources) and len(state.sights[0].writers) == 1:
+        if (
+            all(source.armed for source in state.interlock.sources)
+            and len(state.sight.lidars[0].writers) == 1
+        ):
             break
     now_s += TICK_S
     state, decision = step(
@@ -405,7 +411,7 @@ def _each_scan_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
         view = known.view._replace(taken_s=moment.taken_s, explained_s=times, returned_s=times)
         return known._replace(taken_s=moment.taken_s, period_s=moment.period_s, view=view)
 
-    monkeypatch.setattr("supervisor.law.safety.read_scan", read_once)
+    monkeypatch.setattr("supervisor.law.sight.read_scan", read_once)
 
 
 @pytest.fixture(autouse=True)
@@ -421,8 +427,8 @@ def _the_robot_gets_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
     def remembered(*_: object) -> tuple[Odometer, ...]:
         return ()
 
-    monkeypatch.setattr("supervisor.law.safety.reckon", reckon)
-    monkeypatch.setattr("supervisor.law.safety.remembered", remembered)
+    monkeypatch.setattr("supervisor.law.base.reckon", reckon)
+    monkeypatch.setattr("supervisor.law.base.remembered", remembered)
     monkeypatch.setattr("supervisor.law.reckoning.where", where)
 
 
@@ -437,9 +443,9 @@ def explore(events: list[Event], config: LawConfig, visit: Callable[[State], Non
     while queue:
         (state, monitor), way = queue.popleft()
         visit(state)
-        assert state.now_s is not None
+        assert state.clock.now_s is not None
         for event in events:
-            now_s = state.now_s + (LATE_S if event.late else TICK_S)
+            now_s = state.clock.now_s + (LATE_S if event.late else TICK_S)
             after, decision = step(state, now_s, event.inputs(now_s, state))
             moved_on = monitor.after(event, decision)
             _check(state, decision, moved_on, lambda event=event, way=way: [*_names(way), event.name])
@@ -482,7 +488,7 @@ def test_every_reachable_state_keeps_the_promises_and_recovers(
     reasons: set[StopReason] = set()
 
     def visit(state: State) -> None:
-        for source in state.sources:
+        for source in state.interlock.sources:
             reasons.update(source.latched)
         assert _recovers(state, stamped=all(event.stamped for event in events))
 

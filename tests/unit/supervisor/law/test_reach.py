@@ -18,8 +18,7 @@ from supervisor.law.clearance import (
     permitted_scale,
     survey,
 )
-from supervisor.law.model import Place
-from supervisor.law.reach import in_reach, nearer_than, reach_m
+from supervisor.law.reach import Place, in_reach, nearer_than, reach_m
 from supervisor.law.reckoning import STANDSTILL, Odometer, Pose, Velocity
 from tests.scenes.scene import rectangle
 

@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 import pytest
 
 from supervisor.law.base_braking import KEPT, Braking
-from supervisor.law.model import STANDSTILL, LawConfig, Mode, Odometry, Velocity
-from supervisor.law.safety import TOUCH_M
+from supervisor.law.decision import Mode
+from supervisor.law.model import LawConfig, Odometry
+from supervisor.law.permission import TOUCH_M
+from supervisor.law.reckoning import STANDSTILL, Velocity
 from tests.unit.supervisor.law.law_harness import (
     ANY_AGE,
     CONFIG,
@@ -46,7 +48,7 @@ def nearest_m(
     """
     law = Law(replace(config, blind_budget_m=math.inf), room_m=9.0)
     if braking is not None:
-        law.state = law.state._replace(braking=braking)
+        law.state = law.state._replace(base=law.state.base._replace(braking=braking))
     clearance_m, speed_m_s = 2.5, 0.0
     seen = deque([clearance_m] * (1 + round(robot.latency_s / TICK_S)))
     pending = deque([STANDSTILL] * round(robot.dead_s / TICK_S))

@@ -12,18 +12,11 @@ import numpy as np
 import pytest
 from _pytest.mark.structures import ParameterSet
 
-from supervisor.law.model import (
-    STANDSTILL,
-    Command,
-    Decision,
-    Inputs,
-    LaserScan,
-    Mode,
-    Odometry,
-    Pose,
-    Velocity,
-)
+from supervisor.law.decision import Decision, Mode
+from supervisor.law.model import Command, Inputs, Odometry
+from supervisor.law.reckoning import STANDSTILL, Pose, Velocity
 from supervisor.law.safety import initial_state, step
+from supervisor.law.scan import LaserScan
 from tests.scenes import law
 from tests.scenes.base import MixtureBase
 from tests.scenes.operators import Reverser, Scripted, Stubborn

@@ -8,8 +8,11 @@ import pytest
 
 from supervisor.law.base_motion import PATIENCE_S
 from supervisor.law.clearance import ConvexPolygon
-from supervisor.law.model import STANDSTILL, Decision, Inputs, LawConfig, Mode, Odometry, Velocity
-from supervisor.law.safety import PRESENT_SHARE, initial_state, step
+from supervisor.law.decision import Decision, Mode
+from supervisor.law.model import Inputs, LawConfig, Odometry
+from supervisor.law.permission import PRESENT_SHARE
+from supervisor.law.reckoning import STANDSTILL, Velocity
+from supervisor.law.safety import initial_state, step
 from tests.unit.supervisor.law.law_harness import (
     BACK,
     CONFIG,
@@ -35,7 +38,7 @@ def driving(config: LawConfig = CONFIG) -> Law:
     law = Law(config=config)
     tick(law, NEUTRAL, STANDSTILL)
     for _ in range(10):
-        tick(law, FORWARD, law.state.output)
+        tick(law, FORWARD, law.state.base.output)
     assert law.decision.mode is Mode.DRIVING
     return law
 
@@ -66,14 +69,14 @@ def test_a_base_that_never_sent_odometry_is_taken_at_its_command() -> None:
     law = Law()
     law.drive()
     assert law.hold(1.0, ("teleop", FORWARD)).output == FORWARD
-    assert law.state.odometer.pose.x_m == pytest.approx(0.5, abs=0.03)
+    assert law.state.base.odometer.pose.x_m == pytest.approx(0.5, abs=0.03)
 
 
 def test_without_odometry_in_the_configuration_none_is_heard() -> None:
     law = Law(config=replace(CONFIG, odometry=False))
     law.tick(("teleop", NEUTRAL), odometry=odometry(0.0, law.now_s))
     law.tick(("teleop", FORWARD), odometry=odometry(3.0, law.now_s))
-    assert law.state.odometry is None
+    assert law.state.base.odometry is None
     assert law.hold(2.0, ("teleop", FORWARD)).output == FORWARD
 
 
@@ -264,8 +267,8 @@ def test_what_a_later_scan_disproves_is_forgotten() -> None:
     law.tick(("teleop", BACK))
     law.ranges = ring()
     law.tick(("teleop", BACK))
-    assert len(law.state.memory.points) == 0
-    assert law.state.places == ()
+    assert len(law.state.sight.memory.points) == 0
+    assert law.state.sight.places == ()
 
 
 def test_what_is_remembered_goes_out_of_reach_with_the_robot_s_way() -> None:
@@ -274,10 +277,10 @@ def test_what_is_remembered_goes_out_of_reach_with_the_robot_s_way() -> None:
     tick(law, NEUTRAL, STANDSTILL)
     law.ranges[170:191] = math.nan
     tick(law, NEUTRAL, STANDSTILL)
-    assert len(law.state.memory.points) > 0
+    assert len(law.state.sight.memory.points) > 0
     for _ in range(100):
         assert tick(law, BACK, BACK).output == BACK
-    assert len(law.state.memory.points) == 0
+    assert len(law.state.sight.memory.points) == 0
 
 
 def test_the_first_step_and_a_scan_at_once_find_their_way() -> None:
@@ -330,13 +333,13 @@ def test_the_noise_of_odometry_at_rest_is_no_travel_but_a_push_is() -> None:
     law = Law()
     for _ in range(100):
         tick(law, NEUTRAL, Velocity(0.001, -0.001))
-    way_m = law.state.way_m
+    way_m = law.state.base.way_m
     for _ in range(50):
         tick(law, NEUTRAL, Velocity(0.001, -0.001))
-    assert law.state.way_m == way_m
+    assert law.state.base.way_m == way_m
     for _ in range(10):
         tick(law, NEUTRAL, Velocity(0.2, 0.0))
-    assert law.state.way_m - way_m == pytest.approx(0.2 * 10 * TICK_S)
+    assert law.state.base.way_m - way_m == pytest.approx(0.2 * 10 * TICK_S)
 
 
 def test_a_scan_that_was_long_on_its_way_belongs_where_the_robot_was() -> None:
@@ -349,11 +352,11 @@ def test_a_scan_that_was_long_on_its_way_belongs_where_the_robot_was() -> None:
         scans = (replace(laser_scan(ring(3.0 + 1e-3 * number), now_s), sent=sent),)
         inputs = Inputs(odometry=odometry(0.5, now_s), scans=() if 50 <= number < 60 else scans)
         state, _ = step(state, now_s, inputs)
-    reading = state.sights[0].scan
+    reading = state.sight.lidars[0].scan
     assert reading is not None
     assert reading.view is not None
     assert reading.taken_s == pytest.approx(now_s - 0.15)
-    assert state.odometer.pose.x_m - reading.view.pose.x_m == pytest.approx(0.5 * 0.15, abs=1e-3)
+    assert state.base.odometer.pose.x_m - reading.view.pose.x_m == pytest.approx(0.5 * 0.15, abs=1e-3)
 
 
 # --- BASE_WEAK
@@ -440,6 +443,6 @@ def test_a_stop_has_its_reason_and_not_the_weak_brakes() -> None:
 def test_odometry_that_no_base_can_have_is_no_measurement() -> None:
     law = Law(room_m=6.0)
     stops_with(law, 1.0, speed_m_s=0.5)
-    before = law.state.braking
+    before = law.state.base.braking
     tick(law, NEUTRAL, Velocity(5.0, 0.0))
-    assert law.state.braking == before
+    assert law.state.base.braking == before

@@ -6,8 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from supervisor.law.model import STANDSTILL, Inputs, LaserScan, Mode, Velocity
-from supervisor.law.safety import IMPLAUSIBLE_FACTOR, RUNAWAY_GRACE_S
+from supervisor.law.base import RUNAWAY_GRACE_S
+from supervisor.law.decision import Mode
+from supervisor.law.interlock import IMPLAUSIBLE_FACTOR
+from supervisor.law.model import Inputs
+from supervisor.law.reckoning import STANDSTILL, Velocity
+from supervisor.law.scan import LaserScan
 from tests.unit.supervisor.law.law_harness import (
     ANY_AGE,
     BACK,
@@ -36,7 +40,7 @@ def at_zero() -> Law:
     law = Law(now_s=-1.0)
     law.tick(("teleop", NEUTRAL))
     law.now_s = -TICK_S
-    law.state = law.state._replace(now_s=None)
+    law.state = law.state._replace(clock=law.state.clock._replace(now_s=None))
     law.tick(("teleop", FORWARD))
     assert law.now_s == 0.0
     assert law.decision.output == FORWARD
@@ -86,9 +90,12 @@ def test_a_command_is_implausible_just_beyond_many_times_its_limit(axis: int, si
 def test_a_refusal_explains_a_silence_for_one_timeout_and_no_longer() -> None:
     for refused_s, reason in ((0.0, StopReason.COMMAND_STALE), (-1e-9, StopReason.COMMAND_TIMEOUT)):
         law = at_zero()
-        teleop, *others = law.state.sources
+        teleop, *others = law.state.interlock.sources
         teleop = teleop._replace(sent_s=-1.0, refused_s=refused_s)
-        law.state = law.state._replace(sources=(teleop, *others), now_s=0.15)
+        law.state = law.state._replace(
+            interlock=law.state.interlock._replace(sources=(teleop, *others)),
+            clock=law.state.clock._replace(now_s=0.15),
+        )
         law.now_s = 0.2
         assert law.step().reasons == (reason,)
 
@@ -113,8 +120,8 @@ def test_a_base_runs_away_just_after_its_braking_time() -> None:
     braking_s = 0.5 + RUNAWAY_GRACE_S
     for now_s, alarm in ((braking_s, False), (math.nextafter(braking_s, 1.0), True)):
         law = Law(config=config, now_s=0.0)
-        assert law.state.stopped_s == 0.0
-        law.state = law.state._replace(now_s=now_s - 0.05)
+        assert law.state.base.stopped_s == 0.0
+        law.state = law.state._replace(clock=law.state.clock._replace(now_s=now_s - 0.05))
         law.now_s = now_s
         assert law.step(Inputs(odometry=odometry(0.4, now_s))).alarm is alarm
 
@@ -177,7 +184,7 @@ def test_the_time_on_the_way_counts_into_the_age() -> None:
     law.now_s += 0.09
     late = law.stamped(FORWARD, sent_s=law.now_s - 0.06)
     assert law.step(Inputs(commands=(late,))).output == FORWARD
-    assert law.state.sources[0].sent_s == pytest.approx(law.now_s - 0.06, abs=1e-4)
+    assert law.state.interlock.sources[0].sent_s == pytest.approx(law.now_s - 0.06, abs=1e-4)
     for wait_s in (0.09, 0.049):
         law.now_s += wait_s
         assert law.step().output == FORWARD
@@ -188,28 +195,28 @@ def test_the_time_on_the_way_counts_into_the_age() -> None:
 def test_each_source_s_state_is_reported() -> None:
     law = Law()
     law.tick_unstamped(NEUTRAL)
-    teleop = law.state.sources[0]
+    teleop = law.state.interlock.sources[0]
     assert teleop.stamped is False
     assert teleop.invalid is False
     law.now_s += TICK_S
     law.step(Inputs(commands=(law.stamped(NEUTRAL, sent_s=law.now_s),)))
-    assert law.state.sources[0].stamped is True
+    assert law.state.interlock.sources[0].stamped is True
     law.tick_unstamped(None)
-    assert law.state.sources[0].invalid is True
-    assert law.state.sources[0].stamped is False
+    assert law.state.interlock.sources[0].invalid is True
+    assert law.state.interlock.sources[0].stamped is False
     law.now_s += CONFIG.command_timeout_s
     for _ in range(12):
         law.tick_unstamped(NEUTRAL)
-    assert law.state.sources[0].invalid is False
+    assert law.state.interlock.sources[0].invalid is False
 
 
 def test_an_accepted_command_shows_again_that_its_source_stamps() -> None:
     law = Law()
     law.tick(("teleop", NEUTRAL))
     law.tick_unstamped(None)
-    assert law.state.sources[0].stamped is False
+    assert law.state.interlock.sources[0].stamped is False
     law.tick(("teleop", NEUTRAL))
-    assert law.state.sources[0].stamped is True
+    assert law.state.interlock.sources[0].stamped is True
 
 
 def test_commands_whose_clock_is_not_proven_yet_refuse_nothing() -> None:
@@ -217,14 +224,14 @@ def test_commands_whose_clock_is_not_proven_yet_refuse_nothing() -> None:
     law = Law()
     law.drive()
     law.tick(("teleop", FORWARD))
-    accepted = law.state.sources[0].counts.accepted
+    accepted = law.state.interlock.sources[0].counts.accepted
     assert accepted == 3
     law.hold(CONFIG.command_timeout_s)
     for _ in range(3):
         law.now_s += TICK_S
         law.step(Inputs(commands=(law.stamped(FORWARD, sent_s=law.now_s),)))
     assert law.decision.reasons == (StopReason.COMMAND_TIMEOUT,)
-    assert law.state.sources[0].counts.accepted == accepted
+    assert law.state.interlock.sources[0].counts.accepted == accepted
 
 
 def test_a_command_without_a_stamp_is_anothers_while_somebody_who_stamps_is_heard() -> None:
@@ -233,17 +240,17 @@ def test_a_command_without_a_stamp_is_anothers_while_somebody_who_stamps_is_hear
         law.now_s += TICK_S
         law.step(Inputs(commands=(law.stamped(NEUTRAL, sent_s=law.now_s),)))
     assert not law.decision.reasons
-    accepted = law.state.sources[0].counts.accepted
+    accepted = law.state.interlock.sources[0].counts.accepted
     for _ in range(3):
         assert law.tick_unstamped(FORWARD).output == NEUTRAL
-    source = law.state.sources[0]
+    source = law.state.interlock.sources[0]
     assert (source.counts.epoch, source.counts.accepted, source.stamped) == (3, accepted, True)
     assert source.velocity == NEUTRAL
     law.hold(CONFIG.command_timeout_s + TICK_S)
     for _ in range(12):
         law.tick_unstamped(NEUTRAL)
     assert law.tick_unstamped(FORWARD).output == FORWARD, "nobody else is heard any more"
-    assert law.state.sources[0].stamped is False
+    assert law.state.interlock.sources[0].stamped is False
 
 
 def test_a_scan_without_a_stamp_is_anothers_while_a_lidar_that_stamps_is_heard() -> None:
@@ -432,7 +439,7 @@ def test_the_first_scan_s_period_is_taken_for_the_longest() -> None:
     law = Law(scanning=False)
     law.now_s += TICK_S
     law.step(Inputs(scans=(laser_scan(ring(), law.now_s),)))
-    scan = law.state.sights[0].scan
+    scan = law.state.sight.lidars[0].scan
     assert scan is not None
     assert scan.period_s == SCAN_TIMEOUT_S
     assert scan.repeats == 0
@@ -446,7 +453,7 @@ def test_odometry_is_believed_up_to_twice_the_limits() -> None:
         (Velocity(0.0, 3.01), False),
     ):
         law.tick(odometry=replace(odometry(0.0, law.now_s + TICK_S), velocity=velocity))
-        assert law.state.odometer.velocity == (velocity if believed else STANDSTILL)
+        assert law.state.base.odometer.velocity == (velocity if believed else STANDSTILL)
 
 
 def test_what_is_nearer_by_odometry_counts_from_where_the_scan_was_taken() -> None:
@@ -455,7 +462,7 @@ def test_what_is_nearer_by_odometry_counts_from_where_the_scan_was_taken() -> No
     for _ in range(300):  # three metres, with scans all along
         law.tick(("teleop", FORWARD), odometry=odometry(0.5, law.now_s + TICK_S))
         assert law.decision.output == FORWARD
-    assert law.state.odometer.pose.x_m > 2.9
+    assert law.state.base.odometer.pose.x_m > 2.9
 
 
 def test_a_moving_robot_stops_at_what_is_inside_the_stop_zone() -> None:
@@ -535,7 +542,7 @@ def test_a_decision_reports_what_was_asked_and_what_is_given() -> None:
     assert (ready.commanded, ready.scale, ready.mode) == (NEUTRAL, 1.0, Mode.READY)
     driving = law.tick(("teleop", SPIN))
     assert (driving.commanded, driving.output, driving.scale) == (SPIN, SPIN, 1.0)
-    assert driving.sources == law.state.sources
+    assert driving.sources == law.state.interlock.sources
     assert driving.scan_age_s == 0.0
     assert driving.scan_problem == ""
     assert driving.scan_counts.accepted > 1
@@ -578,9 +585,9 @@ def test_every_answer_to_a_reset_is_a_sentence(alive: tuple[object, ...]) -> Non
         False,
         "teleop, path still requests motion; stop it first",
     )
-    assert law.state.estop is True
+    assert law.state.interlock.estop is True
     assert answer(("teleop", NEUTRAL), ("path", NEUTRAL)) == (True, "the emergency stop is reset")
-    assert law.state.estop is False
+    assert law.state.interlock.estop is False
 
 
 def test_a_dead_source_that_asked_for_motion_does_not_hinder_a_reset() -> None:
@@ -600,9 +607,9 @@ def test_what_blocked_it_is_forgotten_with_its_stop() -> None:
         law.drive()
         law.ranges = ring(ahead_m=0.5)
         law.hold(CONFIRMED_S, ("teleop", FORWARD))
-        assert law.state.sources[0].block is not None
+        assert law.state.interlock.sources[0].block is not None
         law.tick(("teleop", release))
-        assert law.state.sources[0].block is None
+        assert law.state.interlock.sources[0].block is None
 
 
 def test_a_stop_for_another_reason_takes_the_escape_away() -> None:
@@ -617,7 +624,7 @@ def test_a_stop_for_another_reason_takes_the_escape_away() -> None:
     law.tick(("path", FORWARD), ("teleop", BACK))
     assert law.decision.owner == "teleop"
     law.tick(("path", FORWARD), ("teleop", None))
-    path = next(s for s in law.state.sources if s.config.name == "path")
+    path = next(s for s in law.state.interlock.sources if s.config.name == "path")
     assert path.block is None
 
 

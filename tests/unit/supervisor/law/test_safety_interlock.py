@@ -5,7 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from supervisor.law.model import STANDSTILL, Command, Inputs, Mode, Velocity
+from supervisor.law.decision import Mode
+from supervisor.law.model import Command, Inputs
+from supervisor.law.reckoning import STANDSTILL, Velocity
 from supervisor.law.safety import ROUNDING_S, initial_state, runs_out_s, step
 from tests.unit.supervisor.law.law_harness import (
     ANY_AGE,
@@ -47,7 +49,7 @@ def test_the_law_starts_with_an_estop_that_was_not_reset() -> None:
 
 def test_no_distance_is_counted_before_the_first_step() -> None:
     state, _ = step(initial_state(CONFIG), 1000.0, Inputs(odometry=odometry(1.0, 1000.0)))
-    assert state.way_m == 0.0
+    assert state.base.way_m == 0.0
 
 
 def test_a_first_command_that_is_not_neutral_moves_nothing() -> None:
@@ -73,7 +75,7 @@ def test_a_command_goes_stale_just_after_its_timeout() -> None:
     law = Law(ANY_AGE, now_s=-1.0)
     law.tick(("teleop", NEUTRAL))
     law.now_s = -TICK_S  # so that the command comes at 0, where its timeout adds up exactly
-    law.state = law.state._replace(now_s=None)
+    law.state = law.state._replace(clock=law.state.clock._replace(now_s=None))
     law.tick(("teleop", FORWARD))
     assert law.now_s == 0.0
     for now_s in (0.1, law.config.command_timeout_s):
@@ -165,12 +167,12 @@ def test_a_token_that_flaps_within_one_step_stops_too() -> None:
 def test_an_invalid_command_stops_and_does_not_refresh_the_age(velocity: Velocity | None) -> None:
     law = Law()
     law.drive()
-    sent_s = law.state.sources[0].sent_s
+    sent_s = law.state.interlock.sources[0].sent_s
     decision = law.tick(("teleop", velocity))
     assert decision.reasons == (StopReason.COMMAND_INVALID,)
     assert decision.output == STANDSTILL
-    assert law.state.sources[0].sent_s == sent_s
-    assert law.state.sources[0].counts.invalid == 1
+    assert law.state.interlock.sources[0].sent_s == sent_s
+    assert law.state.interlock.sources[0].counts.invalid == 1
     assert law.tick(("teleop", FORWARD)).output == STANDSTILL
     law.tick(("teleop", NEUTRAL))
     assert law.tick(("teleop", FORWARD)).output == FORWARD
@@ -417,7 +419,7 @@ def test_a_backlog_after_a_stall_moves_nothing_and_is_counted() -> None:
     decision = law.step(Inputs(commands=backlog))
     assert decision.output == STANDSTILL
     assert StopReason.COMMAND_STALE in decision.reasons
-    assert law.state.sources[0].counts.late == 50
+    assert law.state.interlock.sources[0].counts.late == 50
     law.now_s += TICK_S
     live = law.stamped(FORWARD, sent_s=law.now_s - offset)
     assert law.step(Inputs(commands=(live,))).output == STANDSTILL
@@ -443,11 +445,11 @@ def test_a_replayed_run_is_refused() -> None:
     for epoch in (b"A", b"B"):
         speak(law, epoch, NEUTRAL, 0.6)
         law.hold(0.3)
-    refused = law.state.sources[0].counts.epoch
+    refused = law.state.interlock.sources[0].counts.epoch
     assert refused == 0
     speak(law, b"A", FORWARD, 2.0)
     assert law.decision.output == STANDSTILL
-    assert law.state.sources[0].counts.epoch == 100
+    assert law.state.interlock.sources[0].counts.epoch == 100
 
 
 def test_one_foreign_command_neither_moves_the_robot_nor_locks_out_the_operator() -> None:
@@ -459,7 +461,7 @@ def test_one_foreign_command_neither_moves_the_robot_nor_locks_out_the_operator(
     assert law.step(Inputs(commands=(foreign,))).output == FORWARD
     speak(law, b"A", FORWARD, 0.5)
     assert law.decision.output == FORWARD
-    assert law.state.sources[0].counts.epoch == 1
+    assert law.state.interlock.sources[0].counts.epoch == 1
 
 
 def test_a_second_program_with_the_same_name_is_refused_while_the_first_one_sends() -> None:
@@ -470,7 +472,7 @@ def test_a_second_program_with_the_same_name_is_refused_while_the_first_one_send
         first = law.stamped(NEUTRAL, sent_s=law.now_s)
         second = Command("teleop", FORWARD if n % 2 else BACK, law.now_s, Sent(b"B", n + 1, law.now_s))
         assert law.step(Inputs(commands=(first, second))).output == STANDSTILL
-    assert law.state.sources[0].counts.epoch == 200
+    assert law.state.interlock.sources[0].counts.epoch == 200
     assert law.decision.mode is Mode.READY
 
 

@@ -9,17 +9,12 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from supervisor.law.clearance import Barrier, ConvexPolygon, moved, permitted_scale, survey
-from supervisor.law.model import STANDSTILL, Decision, Inputs, LawConfig, Mode, Odometry, Velocity
-from supervisor.law.reckoning import between, where
-from supervisor.law.safety import (
-    GID_BYTES,
-    REMEMBERED_WRITERS,
-    WRITER_WINDOW_S,
-    initial_state,
-    runs_out_s,
-    step,
-)
+from supervisor.law.decision import Decision, Mode
+from supervisor.law.model import Inputs, LawConfig, Odometry
+from supervisor.law.reckoning import STANDSTILL, Velocity, between, where
+from supervisor.law.safety import initial_state, runs_out_s, step
 from supervisor.law.scan import LaserScan, Lidar, Mount, rays_of
+from supervisor.law.writers import GID_BYTES, REMEMBERED_WRITERS, WRITER_WINDOW_S
 from tests.unit.supervisor.law.law_harness import (
     BACK,
     CONFIG,
@@ -204,8 +199,8 @@ def test_where_a_memory_of_free_places_is_allowed_what_was_seen_lately_counts_as
         assert law.tick(BACK).output == output
     assert law.hold(1.0).mode is Mode.READY
     assert law.tick(BACK).output == STANDSTILL
-    assert all(law.now_s - past.view.taken_s < 1.1 for past in law.state.past)
-    assert len(law.state.past) < 15
+    assert all(law.now_s - past.view.taken_s < 1.1 for past in law.state.sight.past)
+    assert len(law.state.sight.past) < 15
 
 
 def test_so_many_past_views_are_kept_as_cover_the_memory_evenly() -> None:
@@ -214,14 +209,14 @@ def test_so_many_past_views_are_kept_as_cover_the_memory_evenly() -> None:
     for number in range(1, 20):
         law.now_s = 1024.0 + number / 16
         law.step()
-    ages = [law.now_s - past.view.taken_s for past in law.state.past]
+    ages = [law.now_s - past.view.taken_s for past in law.state.sight.past]
     assert ages == [number / 16 for number in range(19, -1, -2)]
     law.now_s = 1024.0 + 20 / 16
     law.step()
-    assert law.state.past[0].view.taken_s == 1024.0, "what is exactly as old as the memory counts"
+    assert law.state.sight.past[0].view.taken_s == 1024.0, "what is exactly as old as the memory counts"
     law.now_s = 1024.0 + 21 / 16
     law.step()
-    assert law.state.past[0].view.taken_s > 1024.0
+    assert law.state.sight.past[0].view.taken_s > 1024.0
 
 
 # --- several writers
@@ -327,10 +322,10 @@ def test_a_flood_of_writers_neither_fills_the_memory_nor_hides_a_conflict(first:
     for number in range(first, first + 2000, 20):
         law.writers = (b"only", b"other", *(gid(number + n) for n in range(REMEMBERED_WRITERS - 3)))
         law.tick()
-        assert len(law.state.sights[0].writers) <= REMEMBERED_WRITERS
+        assert len(law.state.sight.lidars[0].writers) <= REMEMBERED_WRITERS
         assert StopReason.SENSOR_CONFLICT in law.decision.causes
     assert "only and other" in law.decision.detail
-    assert len(law.state.sights[0].writers) == REMEMBERED_WRITERS
+    assert len(law.state.sight.lidars[0].writers) == REMEMBERED_WRITERS
 
 
 def test_a_flood_of_writers_that_each_speak_once_does_not_stop_the_robot() -> None:
@@ -339,7 +334,7 @@ def test_a_flood_of_writers_that_each_speak_once_does_not_stop_the_robot() -> No
     for number in range(0, 1000, 10):
         law.writers = (b"only", *(gid(number + n) for n in range(10)))
         assert law.tick(FORWARD).output == FORWARD
-        assert len(law.state.sights[0].writers) <= REMEMBERED_WRITERS
+        assert len(law.state.sight.lidars[0].writers) <= REMEMBERED_WRITERS
 
 
 # --- space that neither of two lidars sees
@@ -390,15 +385,15 @@ def test_no_disc_that_neither_lidar_rules_out_is_approached_faster_than_the_law_
             ranges, -increment * (len(ranges) - 1) / 2, increment, 0.01, 12.0, now_s, lidar=place
         )
         state, _ = step(state, now_s, Inputs(scans=(scan,), odometry=Odometry(twist, now_s)))
-    known = [place.around for place in state.places]
+    known = [place.around for place in state.sight.places]
     centres = rng.uniform(-1.0, 1.0, (1500, 2)) * (hull.radius_m + 1.3)
     away_m, normals = hull.nearest(centres)
     free = away_m > smallest_m / 2
-    for lidar, sight in zip(config.lidars, state.sights, strict=True):
+    for lidar, sight in zip(config.lidars, state.sight.lidars, strict=True):
         assert sight.scan is not None
         if sight.scan.view is not None and sight.scan.problem is None:
             view = sight.scan.view
-            way = between(view.pose, where(state.odometer, state.odometer.at_s))
+            way = between(view.pose, where(state.base.odometer, state.base.odometer.at_s))
             known.append(survey(hull, moved(sight.scan.around.points, way)))
             rays = rays_of(view.geometry, lidar.mount, hull)
             origin = moved(rays.origin_m.T, way)[0]

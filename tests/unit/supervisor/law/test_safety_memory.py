@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from supervisor.law.model import STANDSTILL, Inputs, Odometry, Velocity
+from supervisor.law.model import Inputs, Odometry
+from supervisor.law.reckoning import STANDSTILL, Velocity
 from supervisor.law.safety import initial_state, step
 from supervisor.law.scan import LaserScan
 from tests.unit.supervisor.law.law_harness import CONFIG, FORWARD, NEUTRAL, TICK_S, Law, laser_scan, ring
@@ -34,11 +35,11 @@ def tick(law: Law, *scans: np.ndarray, **inputs: object) -> None:
 
 def remembered_ahead(law: Law) -> list[tuple[float, float]]:
     """The remembered points of the wall, as the odometer has placed them."""
-    pose = law.state.memory_pose
+    pose = law.state.sight.memory_pose
     cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
     return [
         (pose.x_m + cos * x_m - sin * y_m, pose.y_m + sin * x_m + cos * y_m)
-        for x_m, y_m in law.state.memory.points.tolist()
+        for x_m, y_m in law.state.sight.memory.points.tolist()
         if math.hypot(x_m, y_m) < 1.0
     ]
 
@@ -59,8 +60,8 @@ def test_a_scan_that_proves_nothing_leaves_what_the_one_before_showed() -> None:
     assert remembered_ahead(law) == []
     for _ in range(3):
         tick(law, garbled())
-        assert law.state.sights[0].scan is not None
-        assert len(law.state.sights[0].scan.around.points) == 0
+        assert law.state.sight.lidars[0].scan is not None
+        assert len(law.state.sight.lidars[0].scan.around.points) == 0
         assert is_the_wall(remembered_ahead(law)), "kept once, however many scans prove nothing"
 
 
@@ -82,7 +83,7 @@ def test_what_cannot_be_decoded_keeps_what_was_shown_as_well() -> None:
 def test_a_suspend_keeps_what_was_shown() -> None:
     law = watching()
     tick(law, suspended_s=60.0)
-    assert law.state.sights[0].scan is None
+    assert law.state.sight.lidars[0].scan is None
     assert is_the_wall(remembered_ahead(law))
 
 
@@ -92,14 +93,14 @@ def test_a_lidar_that_falls_silent_keeps_what_it_showed_although_the_other_goes_
     lidars.hold(0.1)
     lidars.speaking = (1,)
     lidars.hold(0.5)
-    assert len(lidars.state.memory.points) >= 21
+    assert len(lidars.state.sight.memory.points) >= 21
     lidars.hold(0.1, Velocity(0.1, 0.0))
     assert lidars.decision.output == STANDSTILL
     assert lidars.decision.causes == (StopReason.OBSTACLE,)
     lidars.speaking = (0, 1)
     lidars.ranges[0] = ring()
     lidars.hold(0.5)
-    assert len(lidars.state.memory.points) == 0, "the wall has gone, as the first lidar sees again"
+    assert len(lidars.state.sight.memory.points) == 0, "the wall has gone, as the first lidar sees again"
 
 
 def test_a_scan_that_repeats_itself_while_the_base_moves_makes_nothing_newer() -> None:
@@ -108,14 +109,14 @@ def test_a_scan_that_repeats_itself_while_the_base_moves_makes_nothing_newer() -
         now_s = 1000.0 + 0.05 * number
         scan: LaserScan = laser_scan(frozen, now_s)
         state, _ = step(state, now_s, Inputs(scans=(scan,), odometry=Odometry(Velocity(0.5, 0.0), now_s)))
-    (sight,) = state.sights
+    (sight,) = state.sight.lidars
     assert sight.scan is not None
     assert (sight.scan.taken_s, sight.scan.repeats) == (1000.0, 2)
     assert len(sight.scan.around.points) > 0
-    assert len(state.memory.points) == 0
+    assert len(state.sight.memory.points) == 0
     state, _ = step(state, 1000.2, Inputs(scans=(laser_scan(ring(), 1000.2),)))
-    assert state.sights[0].scan is not None
-    assert state.sights[0].scan.period_s == pytest.approx(0.2)
+    assert state.sight.lidars[0].scan is not None
+    assert state.sight.lidars[0].scan.period_s == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize(

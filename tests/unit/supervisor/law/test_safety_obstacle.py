@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from supervisor.law.model import STANDSTILL, Mode, Odometry, Velocity
+from supervisor.law.decision import Mode
+from supervisor.law.model import Odometry
+from supervisor.law.reckoning import STANDSTILL, Velocity
 from tests.unit.supervisor.law.law_harness import (
     BACK,
     CONFIG,

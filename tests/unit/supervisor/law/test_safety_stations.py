@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import pytest
 
+from supervisor.law.decision import Decision
 from supervisor.law.estop_stations import Phase, Presence, StationConfig, TokenEnd
-from supervisor.law.model import STANDSTILL, Decision, Inputs, Velocity
+from supervisor.law.model import Inputs
+from supervisor.law.reckoning import STANDSTILL, Velocity
 from supervisor.law.safety import ROUNDING_S, runs_out_s
 from tests.unit.supervisor.law.law_harness import CONFIG, FORWARD, NEUTRAL, TICK_S, Law
 from wire.lease import LEASE_S
@@ -24,7 +26,7 @@ class Site(Law):
         self.pressed: set[str] = set()
         self.number = 0
         super().__init__(replace(CONFIG, estop_stations=stations or (DOOR,)))
-        self.state = self.state._replace(estop=estop)
+        self.state = self.state._replace(interlock=self.state.interlock._replace(estop=estop))
 
     def go(self, velocity: Velocity = NEUTRAL, ticks: int = 1, **inputs: object) -> Decision:
         for _ in range(ticks):
@@ -59,7 +61,7 @@ def test_until_its_required_station_is_heard_the_robot_stands_and_then_needs_a_n
     assert decision.output == STANDSTILL
     assert decision.causes == (LOST,)
     assert decision.detail == "door was not heard yet"
-    assert not site.state.is_estop_latched
+    assert not site.state.interlock.is_estop_latched
     site.silent.clear()
     assert site.go(FORWARD, ticks=3).output == STANDSTILL
     assert LOST in site.decision.latched
@@ -88,8 +90,8 @@ def test_the_end_of_a_token_stops_the_robot_in_the_same_step() -> None:
     site = Site()
     site.start()
     assert site.go(FORWARD, station_ends=(TokenEnd("door", b"A"),)).output == STANDSTILL
-    assert site.state.is_estop_latched
-    assert not site.state.estop
+    assert site.state.interlock.is_estop_latched
+    assert not site.state.interlock.estop
 
 
 def test_after_a_loss_only_the_return_of_the_station_and_a_reset_and_a_neutral_let_it_drive() -> None:
@@ -142,7 +144,7 @@ def test_a_press_of_an_unheard_station_refuses_a_reset_in_the_same_step() -> Non
     reply = site.tick(("teleop", NEUTRAL), presences=(unproven,), reset=True).reset_reply
     assert reply is not None
     assert (reply.success, reply.message) == (False, "the emergency stop is being pressed")
-    assert site.state.estop
+    assert site.state.interlock.estop
 
 
 def test_a_station_that_is_not_required_stops_by_its_press_and_not_by_its_loss() -> None:
@@ -173,7 +175,7 @@ def test_after_a_suspend_the_station_counts_as_lost() -> None:
     site.start()
     decision = site.go(FORWARD, suspended_s=5.0)
     assert LOST in decision.causes
-    assert site.state.stations.latched
+    assert site.state.interlock.stations.latched
 
 
 def test_a_reset_without_anything_to_reset_says_so() -> None:
@@ -185,5 +187,5 @@ def test_a_reset_without_anything_to_reset_says_so() -> None:
 def test_without_stations_nothing_is_missing_and_no_lease_expires() -> None:
     law = Law()
     law.drive()
-    assert law.state.stations.expires_s == math.inf
-    assert law.state.stations.missing == ()
+    assert law.state.interlock.stations.expires_s == math.inf
+    assert law.state.interlock.stations.missing == ()

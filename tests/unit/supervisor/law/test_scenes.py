@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from supervisor.law.clearance import Circle, ConvexPolygon
-from supervisor.law.model import STANDSTILL, Velocity
+from supervisor.law.reckoning import STANDSTILL, Velocity
 from tests.scenes.base import AxisBase, Base, MixtureBase
 from tests.scenes.run import run
 from tests.scenes.scene import BOUND_M, SMALLEST_M, TRUSTED_M_S2, random_scene, rectangle

@@ -23,8 +23,9 @@ from supervisor.law.clearance import (
     permitted_while_slowing,
     survey,
 )
-from supervisor.law.model import Mode, Odometry, Velocity
-from supervisor.law.reckoning import STANDSTILL
+from supervisor.law.decision import Mode
+from supervisor.law.model import Odometry
+from supervisor.law.reckoning import STANDSTILL, Velocity
 from supervisor.law.transition import along
 from tests.unit.supervisor.law.law_harness import ANY_AGE, NEUTRAL, TICK_S, Law, ring
 

@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from supervisor.law.decision import Decision
 from supervisor.law.estop_stations import Presence, StationConfig, TokenEnd
-from supervisor.law.model import Command, Decision, Inputs, SourceConfig, Velocity
+from supervisor.law.model import Command, Inputs, SourceConfig
+from supervisor.law.reckoning import Velocity
 from supervisor.law.stop_rules import STOP_RULES, RaisedBy, StopRule, cleared_by
 from tests.unit.supervisor.law.law_harness import (
     BACK,

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from supervisor.law.model import Command, Inputs, Mode
+from supervisor.law.decision import Mode
+from supervisor.law.model import Command, Inputs
 from tests.unit.supervisor.law.law_harness import (
     CONFIG,
     FORWARD,
@@ -67,7 +68,9 @@ def test_after_a_suspend_motion_alone_never_moves_and_neutral_arms() -> None:
 def test_what_comes_with_the_first_step_after_a_suspend_does_not_count() -> None:
     law = driving()
     resume(law, on_time("teleop", NEUTRAL, law.now_s + 0.001), on_time("teleop", FORWARD, law.now_s + 0.001))
-    assert law.state.sights[0].scan is None, "a scan that was taken in with the suspend may be older than it"
+    assert law.state.sight.lidars[0].scan is None, (
+        "a scan that was taken in with the suspend may be older than it"
+    )
     (teleop,) = [s for s in law.decision.sources if s.config.name == "teleop"]
     assert teleop.neutral_s < law.now_s
     assert law.now_s - teleop.sent_s > SLEPT_S
@@ -79,8 +82,8 @@ def test_a_command_and_odometry_from_before_a_suspend_are_as_old_as_they_are() -
     resume(law)
     (teleop,) = [s for s in law.decision.sources if s.config.name == "teleop"]
     assert law.now_s - teleop.sent_s == pytest.approx(SLEPT_S + 0.001)
-    assert law.state.odometry is not None
-    assert law.now_s - law.state.odometry.arrival_s == pytest.approx(SLEPT_S + TICK_S + 0.001)
+    assert law.state.base.odometry is not None
+    assert law.now_s - law.state.base.odometry.arrival_s == pytest.approx(SLEPT_S + TICK_S + 0.001)
 
 
 def test_odometry_that_was_heard_before_a_suspend_must_be_heard_again() -> None:
@@ -113,7 +116,7 @@ def test_overrun_is_held_until_just_after_the_timeouts(is_over: bool) -> None:  
     law = driving(-0.2)
     law.now_s = -0.001
     resume(law)
-    assert law.state.resumed_s == 0.0, "so that no difference of times is rounded"
+    assert law.state.clock.resumed_s == 0.0, "so that no difference of times is rounded"
     while law.now_s + 0.05 < HELD_S:
         law.tick(("teleop", FORWARD))
     law.now_s = math.nextafter(HELD_S, math.inf) if is_over else HELD_S
@@ -124,13 +127,13 @@ def test_overrun_is_held_until_just_after_the_timeouts(is_over: bool) -> None:  
 def test_neither_odometry_nor_free_places_from_before_a_suspend_count() -> None:
     law = Law(config=replace(CONFIG, unseen_memory_s=1.0))
     law.tick(odometry=odometry(0.2, law.now_s + TICK_S))
-    assert law.state.past
+    assert law.state.sight.past
     law.now_s += 0.001
     law.scanning = False
     law.step(Inputs(odometry=odometry(0.5, law.now_s), undecodable_lidars=(0,), suspended_s=SLEPT_S))
-    assert law.state.past == ()
-    assert law.state.odometry is not None
-    assert law.state.odometry.velocity == (0.2, 0.0), "what came with the suspend may be from before it"
+    assert law.state.sight.past == ()
+    assert law.state.base.odometry is not None
+    assert law.state.base.odometry.velocity == (0.2, 0.0), "what came with the suspend may be from before it"
 
 
 def test_a_suspend_does_not_reset_an_estop() -> None:

@@ -5,7 +5,9 @@ from itertools import accumulate
 
 import pytest
 
-from supervisor.law.model import STANDSTILL, Command, Inputs, Mode, Velocity
+from supervisor.law.decision import Mode
+from supervisor.law.model import Command, Inputs
+from supervisor.law.reckoning import STANDSTILL, Velocity
 from tests.unit.supervisor.law.law_harness import ANY_AGE, CONFIG, FORWARD, NEUTRAL, TICK_S, Law
 from wire.reasons import StopReason
 
@@ -47,7 +49,7 @@ def test_a_backlog_in_one_step_arms_and_moves_nothing() -> None:
     law = Law()
     law.hold(1.0)
     law.tick_unstamped(*BACKLOG)
-    assert not law.state.sources[0].armed
+    assert not law.state.interlock.sources[0].armed
     assert law.decision.reasons == (StopReason.NO_COMMAND,)
     assert {law.tick().output for _ in range(50)} == {STANDSTILL}
 
@@ -64,7 +66,7 @@ def test_a_backlog_after_a_stall_does_not_move_a_robot_that_was_driven_before_it
     law = driving()
     assert law.hold(stall_s).reasons == (StopReason.COMMAND_TIMEOUT,)
     assert set(burst(law, 0.003)) == {STANDSTILL}
-    assert not law.state.sources[0].armed
+    assert not law.state.interlock.sources[0].armed
 
 
 def test_the_neutral_of_a_backlog_does_not_arm_the_commands_that_follow_it() -> None:

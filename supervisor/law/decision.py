@@ -1,10 +1,54 @@
-"""Texts with the details of a stop cause. Pure."""
+"""The decision of a step, and its explanation in words."""
 
 import math
+from enum import IntEnum
+from typing import NamedTuple
 
-from supervisor.law.model import Reasons
+from supervisor.law.estop_stations import Station
+from supervisor.law.interlock import Reply, Source
+from supervisor.law.model import Counts, Reasons
+from supervisor.law.reckoning import Velocity
 from wire.reasons import SEVERITY, Limit, StopReason
 from wire.text import bearing_in_words
+
+
+class Mode(IntEnum):
+    """Mode of the robot; the numbers are those of SafetyStatus."""
+
+    STOPPED = 0
+    READY = 1
+    DRIVING = 2
+    LIMITED = 3
+
+
+class Decision(NamedTuple):
+    """The velocity for the wheels, and everything that explains it."""
+
+    mode: Mode
+    output: Velocity
+    reasons: tuple[StopReason, ...]
+    owner: str
+    commanded: Velocity
+    scale: float
+    nearest_m: float
+    nearest_bearing_rad: float
+    warning: bool
+    alarm: bool
+    scan_age_s: float
+    scan_problem: str
+    scan_counts: Counts
+    sources: tuple[Source, ...]
+    strangers: tuple[str, ...]
+    reset_reply: Reply | None = None
+    causes: tuple[StopReason, ...] = ()
+    """Stop reasons that hold now, most severe first; they may limit the motion without a stop."""
+    latched: tuple[StopReason, ...] = ()
+    """Stop reasons whose causes have ended, but that the owner has not yet cleared with a neutral command."""
+    limit: Limit | None = None
+    """What reduces the speed without a cause; None: nothing, or the barrier."""
+    detail: str = ""
+    """Details of the first cause, as part of a sentence; empty if there are none."""
+    stations: tuple[Station, ...] = ()
 
 
 def detail_of(
@@ -49,3 +93,7 @@ def detail_of(
             return f"something is too close {where}"
         case _:
             return ""
+
+
+def by_severity(reasons: Reasons) -> tuple[StopReason, ...]:
+    return tuple(sorted(reasons, key=SEVERITY.__getitem__))

@@ -1,0 +1,161 @@
+"""What is known of the base: its odometry, how it follows and brakes, and what it was last commanded.
+
+The functions of `Base` are called in this order at each step: `brake`, `observe`, `causes`; then `commanded`, with the decision.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+from supervisor.law.base_braking import UNMEASURED, Braking, bound_m_s2, measure
+from supervisor.law.base_motion import FOLLOWING, Following, follow, moves
+from supervisor.law.model import Inputs, LawConfig, Odometry
+from supervisor.law.reckoning import STANDSTILL, Odometer, Velocity, reckon, remembered
+from supervisor.law.writers import Sensor, Writer, heard
+from wire.reasons import StopReason
+
+RUNAWAY_GRACE_S = 0.3
+"""Grace after the braking time, for the delay of odometry and the residual rocking of the wheels."""
+
+
+class Base(NamedTuple):
+    """State of the base."""
+
+    odometry: Odometry | None = None
+    """The newest sample; None without odometry."""
+    writers: tuple[Writer, ...] = ()
+    odometer: Odometer = Odometer()
+    odometers: tuple[Odometer, ...] = ()
+    """Recent odometers, for the robot's pose at the time a scan was taken."""
+    way_m: float = 0.0
+    """Upper bound of the distance that any point of the hull has moved, measured or commanded."""
+    following: Following = FOLLOWING
+    braking: Braking = UNMEASURED
+    output: Velocity = STANDSTILL
+    """What it was last commanded."""
+    stopped_s: float | None = None
+    """Since when zero has been commanded; None while driving."""
+    runaway: bool = False
+
+    @property
+    def measured(self) -> Velocity | None:
+        """The velocity by odometry; None without odometry."""
+        return None if self.odometry is None else self.odometer.velocity
+
+
+def suspended(base: Base, suspended_s: float) -> Base:
+    """Return the state after a suspend of the machine: odometry that was received before is required again after it."""
+    if base.odometry is None:
+        return base
+    odometry = replace(base.odometry, arrival_s=base.odometry.arrival_s - suspended_s)
+    return base._replace(odometry=odometry)
+
+
+def brake(base: Base, config: LawConfig, odometry: Odometry | None) -> tuple[Base, LawConfig]:
+    """Measure how the base brakes; what it shows replaces a better configured deceleration everywhere in the law."""
+    if odometry is None or not config.odometry or moves(odometry.velocity, config.believable):
+        return base, config
+    v, w = map(abs, odometry.velocity)
+    braking = measure(
+        base.braking,
+        max(v, w * config.hull.radius_m),
+        odometry.arrival_s,
+        is_driven=base.output != STANDSTILL,
+        standing_m_s=config.residual.linear_m_s,
+    )
+    shown_m_s2 = bound_m_s2(braking)
+    if shown_m_s2 != config.shown_m_s2:
+        config = replace(config, shown_m_s2=shown_m_s2)
+    return base._replace(braking=braking), config
+
+
+def observe(base: Base, config: LawConfig, now_s: float, before_s: float | None, inputs: Inputs) -> Base:
+    """Process odometry, and compare it with the last command.
+
+    Args:
+        base: the state after the last step.
+        config: the configuration of the law.
+        now_s: the present time.
+        before_s: the time of the last step; None at the first.
+        inputs: everything received since then.
+    """
+    odometry = base.odometry if inputs.odometry is None or not config.odometry else inputs.odometry
+    dt_s = 0.0 if before_s is None else now_s - before_s
+    if odometry is None:  # without odometry, the base is assumed to move as commanded
+        odometer = reckon(base.odometer, base.output, now_s, config.believable)
+    elif inputs.odometry is not None:
+        # A spike counts as zero here; `odometry` keeps it for the runaway check.
+        odometer = reckon(base.odometer, odometry.velocity, odometry.arrival_s, config.believable)
+    else:
+        odometer = base.odometer
+    is_still = _has_braked(base, config, now_s) and not moves(odometer.velocity, config.residual)
+    measured_m_s = 0.0 if is_still else config.hull_speed_m_s(odometer.velocity)
+    odometers = base.odometers
+    if odometer is not base.odometer:
+        odometers = remembered(odometers, base.odometer, now_s - config.longest_timeout_s)
+    writers = base.writers
+    if config.odometry:
+        for gid in inputs.odometry_writers:
+            writers = heard(writers, gid, now_s)
+    return base._replace(
+        odometry=odometry,
+        writers=writers,
+        odometer=odometer,
+        odometers=odometers,
+        way_m=base.way_m + dt_s * max(measured_m_s, config.hull_speed_m_s(base.output)),
+        following=follow(
+            base.following,
+            base.output,
+            None if odometry is None else odometry.velocity,
+            now_s,
+            dt_s,
+            config.slowest,
+            config.trusted,
+        ),
+        runaway=_runs_away(base, config, now_s, odometry),
+    )
+
+
+def _runs_away(base: Base, config: LawConfig, now_s: float, odometry: Odometry | None) -> bool:
+    """Return whether the base still moves although zero has been commanded for longer than braking takes."""
+    if odometry is None:
+        return False
+    moving = moves(odometry.velocity, Velocity(config.runaway_linear_m_s, config.runaway_angular_rad_s))
+    return moving and _has_braked(base, config, min(now_s, odometry.arrival_s))
+
+
+def _has_braked(base: Base, config: LawConfig, now_s: float) -> bool:
+    """Return whether zero has been commanded for longer than braking takes."""
+    braking_s = config.max_linear_m_s / config.braking_m_s2 + config.base_dead_time_s + RUNAWAY_GRACE_S
+    return base.stopped_s is not None and now_s - base.stopped_s > braking_s
+
+
+def causes(base: Base, config: LawConfig, now_s: float) -> Iterator[StopReason]:
+    """Yield the causes of the base that prevent every source from driving now."""
+    if base.odometry is not None and now_s - base.odometry.arrival_s > config.odom_timeout_s:
+        yield StopReason.ODOM_STALE
+    if base.following.unresponsive:
+        yield StopReason.BASE_UNRESPONSIVE
+    if base.runaway:
+        yield StopReason.BASE_RUNAWAY
+
+
+def sensor(base: Base, config: LawConfig) -> Sensor:
+    """Return odometry as a sensor with its writers."""
+    return Sensor("odometry", base.writers, config.odom_timeout_s)
+
+
+def fastest_m_s(base: Base, config: LawConfig, commanded: Velocity) -> float:
+    """Return an upper bound of the hull's speed [m/s] under every twist from now until the base reaches the command."""
+    twists = (commanded, base.following.least, base.following.most, base.odometer.velocity)
+    return config.hull_speed_m_s(
+        Velocity(
+            max(abs(twist.linear_m_s) for twist in twists), max(abs(twist.angular_rad_s) for twist in twists)
+        )
+    )
+
+
+def commanded(base: Base, output: Velocity, now_s: float) -> Base:
+    """Return the state after a decision."""
+    since_s = now_s if base.stopped_s is None else base.stopped_s
+    return base._replace(output=output, stopped_s=since_s if output == STANDSTILL else None)

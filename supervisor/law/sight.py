@@ -1,0 +1,303 @@
+"""What the lidars show: the newest scan of each, the memory of near points, and the places that no lidar sees.
+
+The functions of `Sight` are called in this order at each step: `see`, `usable`, `seek_hidden`, `causes`.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from operator import attrgetter
+from typing import NamedTuple
+
+import numpy as np
+
+from supervisor.law.base import Base
+from supervisor.law.clearance import NO_POINTS, Block, Floats, Kind, moved, nothing_around, survey
+from supervisor.law.model import Counts, LawConfig
+from supervisor.law.near_memory import Remembered, remember
+from supervisor.law.reach import Place
+from supervisor.law.reckoning import Odometer, Pose, back_then, between
+from supervisor.law.scan import LaserScan, Lidar, Moment, ScanReading, View, read_scan
+from supervisor.law.seen_space import Lookout, hidden_places, lookout
+from supervisor.law.writers import Sensor, Writer, heard
+from wire.freshness import FALL_TOLERANCE_S, Track, Verdict, judge
+from wire.reasons import StopReason
+
+SAME_PLACE_M = 0.15
+"""A return within this distance of an earlier one is from the same object; covers a walking person."""
+
+PAST_VIEWS = 10
+
+
+class Past(NamedTuple):
+    """A recent view of one lidar, for places that are no longer in view."""
+
+    lidar: str
+    view: View
+
+
+class LidarState(NamedTuple):
+    """State of one lidar."""
+
+    scan: ScanReading | None = None
+    track: Track = Track()
+    counts: Counts = Counts()
+    writers: tuple[Writer, ...] = ()
+    earlier: Floats = NO_POINTS
+    """(n, 2) [m]: near points of the scans before the newest, in the newest scan's base frame; it may show them again."""
+
+
+class Sight(NamedTuple):
+    """State of all lidars."""
+
+    lidars: tuple[LidarState, ...] = ()
+    """One for each configured lidar."""
+    memory: Remembered = Remembered()
+    """Near points of earlier scans."""
+    memory_pose: Pose = Odometer().pose
+    """The odometer pose that is the frame of `memory`."""
+    past: tuple[Past, ...] = ()
+    """Views of the last `unseen_memory_s`."""
+    places: tuple[Place, ...] = ()
+    """The remembered points and the hidden places."""
+    looking: tuple[int, ...] = ()
+    """Indices of the lidars from whose scans the hidden places were computed."""
+
+
+Usable = Sequence[tuple[int, ScanReading]]
+"""Pairs of a lidar's index in the configuration and its newest scan."""
+
+
+def suspended(sight: Sight, config: LawConfig) -> Sight:
+    """Return the state after a suspend of the machine: scans from before it prove no space free, but their points remain."""
+    for place in range(len(sight.lidars)):
+        sight = _keep_shown(sight, config, place)
+    return sight._replace(lidars=tuple(s._replace(scan=None) for s in sight.lidars), past=())
+
+
+def spoil(sight: Sight, place: int) -> Sight:
+    """Mark a lidar's newest scan as invalid, because an undecodable message arrived on its key."""
+    lidar = sight.lidars[place]
+    if lidar.scan is None:
+        return sight
+    return _with(sight, place, lidar._replace(scan=lidar.scan._replace(problem="undecodable")))
+
+
+def _with(sight: Sight, place: int, lidar: LidarState) -> Sight:
+    return sight._replace(lidars=(*sight.lidars[:place], lidar, *sight.lidars[place + 1 :]))
+
+
+def see(sight: Sight, config: LawConfig, scan: LaserScan, base: Base) -> Sight:
+    """Process a scan; a scan that is late, replayed or older than the previous one is discarded."""
+    place = scan.lidar
+    lidar, state = config.lidars[place], sight.lidars[place]
+    tolerance_s = FALL_TOLERANCE_S if scan.sent_tolerance_s is None else scan.sent_tolerance_s
+    track, verdict, on_way_s = judge(
+        state.track,
+        scan.sent,
+        scan.arrival_s,
+        lidar.timeout_s,
+        tolerance_s,
+        may_return=True,
+        trusts_arrival=True,
+    )
+    before, taken_s = state.scan, scan.arrival_s - on_way_s - lidar.latency_s
+    writers = heard(state.writers, scan.writer, scan.arrival_s)
+    state = state._replace(track=track, counts=state.counts.add(verdict), writers=writers)
+    if verdict is not Verdict.FRESH:
+        return _with(sight, place, state)
+    period_s = lidar.timeout_s if before is None else min(lidar.timeout_s, max(0.0, taken_s - before.taken_s))
+    pose = back_then(base.odometers, base.odometer, taken_s)
+    moment = Moment(taken_s, period_s, pose, base.way_m)
+    reading = read_scan(
+        before, scan, moment, lidar, config.hull, config.reach_m, in_the_open=config.works_in_the_open
+    )
+    if before is not None and reading.taken_s == before.taken_s:  # it is identical to the previous scan
+        return _with(sight, place, state._replace(scan=reading))
+    memory = _with_shown(sight, before)
+    if reading.problem is not None:
+        return _with(sight, place, state._replace(scan=reading))._replace(memory=memory)
+    assert reading.view is not None  # a reading without a problem has one
+    memory, earlier = _remember(sight, config, memory, reading.view, lidar)
+    return _with(sight, place, state._replace(scan=reading, earlier=earlier))._replace(
+        memory=memory,
+        memory_pose=reading.view.pose,
+        past=_keep_past(sight.past, config, lidar, reading.view),
+    )
+
+
+def _keep_shown(sight: Sight, config: LawConfig, place: int) -> Sight:
+    """Move the returns of a lidar's newest scan to the memory, so that they survive the loss of the scan."""
+    lidar = sight.lidars[place]
+    if lidar.scan is None:
+        return sight
+    kept = lidar._replace(scan=lidar.scan._replace(around=nothing_around(config.hull)))
+    return _with(sight, place, kept)._replace(memory=_with_shown(sight, lidar.scan))
+
+
+def _with_shown(sight: Sight, scan: ScanReading | None) -> Remembered:
+    """Return the memory with the returns of a scan added."""
+    if scan is None or scan.view is None:
+        return sight.memory
+    shown, pose = scan.around.points, scan.view.pose
+    if pose != sight.memory_pose:
+        shown = moved(shown, between(pose, sight.memory_pose))
+    points, misses = sight.memory
+    return Remembered(np.concatenate((points, shown)), np.concatenate((misses, np.zeros(len(shown)))))
+
+
+def _remember(
+    sight: Sight, config: LawConfig, shown: Remembered, view: View, lidar: Lidar
+) -> tuple[Remembered, Floats]:
+    """Update the memory with a new view.
+
+    Returns:
+        the near points that the view neither replaces nor disproves; and all near points (n, 2) [m] before the
+        update, in the base frame of the view.
+    """
+    points, misses = shown
+    earlier = moved(points, between(sight.memory_pose, view.pose))
+    near = np.hypot(earlier[:, 0], earlier[:, 1]) < config.hull.radius_m + config.reach_m
+    earlier, misses = earlier[near], misses[near]
+    return remember(Remembered(earlier, misses), view, lidar.mount), earlier
+
+
+def _keep_past(past: tuple[Past, ...], config: LawConfig, lidar: Lidar, view: View) -> tuple[Past, ...]:
+    """Return the views of the last `unseen_memory_s`, about `PAST_VIEWS` of each lidar."""
+    memory_s = config.unseen_memory_s
+    if memory_s == 0.0:
+        return ()
+    kept = [p for p in past if view.taken_s - p.view.taken_s <= memory_s]
+    same = [p for p in kept if p.lidar == lidar.name]
+    if not same or view.taken_s - same[-1].view.taken_s >= memory_s / PAST_VIEWS:
+        kept.append(Past(lidar.name, view))
+    return tuple(kept)
+
+
+def usable(sight: Sight, config: LawConfig, now_s: float) -> Usable:
+    """Return the newest scans that are valid and not too old, with the indices of their lidars."""
+    return [(place, scan) for place, scan in _fresh(sight, config, now_s) if scan.problem is None]
+
+
+def _fresh(sight: Sight, config: LawConfig, now_s: float) -> Usable:
+    """Return the newest scans that are not too old, valid or not, with the indices of their lidars."""
+    return [
+        (place, lidar.scan)
+        for place, lidar in enumerate(sight.lidars)
+        if lidar.scan is not None and now_s - lidar.scan.taken_s <= config.lidars[place].timeout_s
+    ]
+
+
+def seek_hidden(sight: Sight, config: LawConfig, scans: Usable, *, moved_on: bool) -> Sight:
+    """Update the remembered points and hidden places; a lidar without a usable scan proves no space free.
+
+    Args:
+        sight: the state with the newest scans.
+        config: the configuration of the law.
+        scans: those that are usable.
+        moved_on: whether a scan has arrived in this step.
+    """
+    looking = tuple(place for place, _ in scans)
+    if not moved_on and looking == sight.looking:
+        return sight
+    for place in sight.looking:
+        sight = sight if place in looking else _keep_shown(sight, config, place)
+    places = list[Place]()
+    if len(sight.memory.points):
+        remembered = survey(config.hull, sight.memory.points, Kind.REMEMBERED)
+        places.append(Place(sight.memory_pose, remembered))
+    if scans:
+        newest = max((scan.view for _, scan in scans if scan.view is not None), key=attrgetter("taken_s"))
+        hidden = np.concatenate([_hidden_from(sight.past, config, one, scans, newest.pose) for one in scans])
+        if len(hidden):
+            places.append(Place(newest.pose, survey(config.hull, hidden, Kind.HIDDEN)))
+    return sight._replace(places=tuple(places), looking=looking)
+
+
+def _hidden_from(
+    past: tuple[Past, ...], config: LawConfig, one: tuple[int, ScanReading], scans: Usable, pose: Pose
+) -> Floats:
+    """Return the hidden places (n, 2) [m] of one lidar that no other view proves free, in the frame of `pose`.
+
+    Each lidar is checked in turn, because the space that no lidar sees borders on the views of several lidars.
+    """
+    place, scan = one
+    view = scan.view
+    assert view is not None  # a usable scan has one
+    others = [other for other in scans if other is not one]
+    hidden = hidden_places(
+        view,
+        config.lidars[place].mount,
+        config.hull,
+        config.smallest_obstacle_m,
+        config.reach_m,
+        lambda: _lookouts(past, config, others, view.pose),
+    )
+    if view.pose == pose:
+        return hidden
+    hidden = moved(hidden, between(view.pose, pose))
+    return hidden[config.hull.clearance(hidden) > 0.0]  # no object can be inside the hull
+
+
+def _lookouts(past: tuple[Past, ...], config: LawConfig, others: Usable, pose: Pose) -> list[Lookout]:
+    """Return the views that may prove one lidar's hidden places free: those of other lidars, and recent ones."""
+    mounts = {lidar.name: lidar.mount for lidar in config.lidars}
+    now = [(config.lidars[place].mount, scan.view) for place, scan in others]
+    before = [(mounts[p.lidar], p.view) for p in past]
+    return [lookout(view, mount, view.pose, pose) for mount, view in (*now, *before) if view is not None]
+
+
+def causes(sight: Sight, config: LawConfig, now_s: float, scans: Usable) -> Iterator[StopReason]:
+    """Yield the causes of the lidars that prevent every source from driving now."""
+    if not scans:
+        yield StopReason.SCAN_INVALID if _fresh(sight, config, now_s) else StopReason.SCAN_STALE
+
+
+def sensors(sight: Sight, config: LawConfig) -> Iterator[Sensor]:
+    """Yield each lidar as a sensor with its writers."""
+    for lidar, state in zip(config.lidars, sight.lidars, strict=True):
+        yield Sensor(lidar.name, state.writers, lidar.timeout_s)
+
+
+def is_confirmed(sight: Sight, block: Block) -> bool:
+    """Return whether a block is confirmed, so that it latches: a hidden place, or a return near an earlier one.
+
+    A single stray return, from dust or rain, stops the robot while it is present, but latches nothing.
+    """
+    if block.kind is not Kind.SEEN:
+        return block.kind is Kind.HIDDEN
+    return any(
+        bool((np.hypot(s.earlier[:, 0] - block.x_m, s.earlier[:, 1] - block.y_m) < SAME_PLACE_M).any())
+        for s in sight.lidars
+    )
+
+
+def nearest(sight: Sight) -> tuple[float, float]:
+    """Return clearance [m] and bearing [rad] of the nearest seen or remembered point; NaN without a valid scan."""
+    found = [(scan.nearest_m, scan.nearest_bearing_rad) for scan in newest(sight) if scan.problem is None]
+    if not found:
+        return math.nan, math.nan
+    found.extend(place.around.nearest() for place in sight.places if place.around.kind is Kind.REMEMBERED)
+    return min(found)
+
+
+def newest(sight: Sight) -> list[ScanReading]:
+    """Return the newest scan of each lidar that has sent one, valid or not."""
+    return [lidar.scan for lidar in sight.lidars if lidar.scan is not None]
+
+
+def counts(sight: Sight) -> Counts:
+    """Return the numbers of scans by verdict, of all lidars together."""
+    if len(sight.lidars) == 1:
+        return sight.lidars[0].counts
+    return Counts(*np.array([lidar.counts for lidar in sight.lidars]).sum(axis=0).tolist())
+
+
+def problems(sight: Sight, config: LawConfig) -> str:
+    """Return why the newest scans prove nothing; with several lidars, each problem follows the lidar's name."""
+    found = [
+        (config.lidars[place].name, lidar.scan.problem)
+        for place, lidar in enumerate(sight.lidars)
+        if lidar.scan is not None and lidar.scan.problem is not None
+    ]
+    alone = len(sight.lidars) == 1
+    return "; ".join(problem if alone else f"{name}: {problem}" for name, problem in found)
