@@ -56,8 +56,8 @@ EQUIVALENT = {
     # Nothing was lost either.
     "source = source._replace(lost=None)  # another run commands now",
     # Then the hidden places are looked for at each tick: the same ones.
-    "return state._replace(places=tuple(places), looking=None)",
-    "return state._replace(places=tuple(places), )",
+    "return sight._replace(places=tuple(places), looking=None)",
+    "return sight._replace(places=tuple(places), )",
 }
 """Lines of mutants that behave as the original does."""
 

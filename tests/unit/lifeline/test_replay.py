@@ -155,6 +155,20 @@ def test_a_damaged_file_is_refused(recording: Path) -> None:
     assert_refused(recording, "is damaged after")
 
 
+def test_a_file_of_version_1_had_all_fields_of_the_state_in_one_object(recording: Path) -> None:
+    def flatten(lines: list[dict[str, Any]]) -> None:
+        lines[0].update(version=1)
+        for line in lines:
+            if "state" in line:
+                state = line["state"]
+                for part in ("interlock", "base", "sight", "clock"):
+                    state.update(state.pop(part))
+                state["sights"], state["odometry_writers"] = state.pop("lidars"), state.pop("writers")
+
+    rewrite(recording, flatten)
+    assert "all decisions are the same" in run(recording).output
+
+
 def test_a_newer_version_is_refused(recording: Path) -> None:
     rewrite(recording, lambda lines: lines[0].update(version=VERSION + 1))
     assert_refused(recording, f"has version {VERSION + 1}", "replay it with a newer Lifeline")
