@@ -28,6 +28,7 @@ from lifeline.check.check import examine
 from lifeline.check.motions import Permitted
 from supervisor.config import SupervisorSection
 from supervisor.law.base_motion import PATIENCE_S
+from supervisor.law.base_rolling import ROLLED_M, WINDOW_S
 from supervisor.law.decision import Decision, Mode
 from supervisor.law.interlock import BARRIER_REASONS
 from supervisor.law.lidar import PROFILES, TIMINGS, LidarProfile
@@ -80,7 +81,8 @@ REASONS: Mapping[StopReason, Reason] = {
         "A supervisor that is killed after a press that it could not record starts without it, and drives.",
     ),
     StopReason.BASE_RUNAWAY: Reason(
-        "zero was commanded for longer than braking takes, and odometry still shows motion; raises the alarm",
+        "zero was commanded for longer than braking takes, and odometry still shows motion, or more than "
+        f"{100 * ROLLED_M:.0f} cm of net motion within {WINDOW_S:.0f} s, also if somebody pushes the robot; raises the alarm",
         "A supervisor that trusts its own zero sees nothing when a wheel controller does not obey.",
     ),
     StopReason.OVERRUN: Reason(

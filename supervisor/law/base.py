@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from supervisor.law.base_braking import UNMEASURED, Braking, bound_m_s2, measure
 from supervisor.law.base_motion import FOLLOWING, Following, follow, moves
+from supervisor.law.base_rolling import Rest, watch
 from supervisor.law.model import Inputs, LawConfig, Odometry
 from supervisor.law.reckoning import STANDSTILL, Odometer, Velocity, reckon, remembered
 from supervisor.law.writers import Sensor, Writer, heard
@@ -35,6 +36,8 @@ class Base(NamedTuple):
     """What it was last commanded."""
     stopped_s: float | None = None
     """Since when zero has been commanded; None while driving."""
+    rest: Rest | None = None
+    """Where it stands; None while it is commanded to move, or may still be braking."""
     runaway: bool = False
 
     @property
@@ -88,7 +91,9 @@ def observe(base: Base, config: LawConfig, now_s: float, before_s: float | None,
         odometer = reckon(base.odometer, odometry.velocity, odometry.arrival_s, config.believable)
     else:
         odometer = base.odometer
-    is_still = _has_braked(base, config, now_s) and not moves(odometer.velocity, config.residual)
+    has_braked = _has_braked(base, config, now_s)
+    rest = watch(base.rest, odometer.pose, odometer.at_s, config.hull.radius_m) if has_braked else None
+    is_still = has_braked and not moves(odometer.velocity, config.residual)
     measured_m_s = 0.0 if is_still else config.hull_speed_m_s(odometer.velocity)
     odometers = base.odometers
     if odometer is not base.odometer:
@@ -112,7 +117,8 @@ def observe(base: Base, config: LawConfig, now_s: float, before_s: float | None,
             config.slowest,
             config.trusted,
         ),
-        runaway=_runs_away(base, config, now_s, odometry),
+        rest=rest,
+        runaway=(rest is not None and rest.rolls) or _runs_away(base, config, now_s, odometry),
     )
 
 

@@ -54,7 +54,7 @@ STOP_RULES: Mapping[StopReason, StopRule] = {
         RaisedBy.EVERYTHING_SHARED,
         "a disk that has recorded the last press or reset, and can record the next press",
     ),
-    StopReason.BASE_RUNAWAY: StopRule(RaisedBy.EVERYTHING_SHARED, "standstill"),
+    StopReason.BASE_RUNAWAY: StopRule(RaisedBy.EVERYTHING_SHARED, "standstill; after rolling, for 2 s"),
     StopReason.OVERRUN: StopRule(
         RaisedBy.EVERYTHING_SHARED, "the next step on time; after a suspend, one timeout more"
     ),
