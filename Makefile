@@ -190,7 +190,7 @@ $(DRIVE_STAMP): uv.lock pyproject.toml | $(OWN_UV)
 	@touch $@
 
 $(STAMP): uv.lock pyproject.toml | $(OWN_UV)
-	@echo "lifeline: installing everything, also for the tests; this fetches at most 500 MB, once"
+	@echo "lifeline: installing everything, also for the tests; this fetches at most 550 MB, once"
 	$(call INSTALL,--all-extras)
 	@touch $(DRIVE_STAMP) $@
 

@@ -158,6 +158,9 @@ class _Check:
                     "reduce the cmd_vel timeout of the base's controller, to 0.25 s for example"
                 )
                 print(f"more than {GOOD_S:g} s is long: {remedy}")
+            else:
+                least_s = math.ceil(100.0 * took_s) / 100.0
+                print(f"set base_timeout_s in [supervisor] to at least {least_s:.2f}")
             return 0
         if self._stop.is_set():
             return self._not_measured("ended by a signal")

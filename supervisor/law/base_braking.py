@@ -11,7 +11,8 @@ that the barrier has to brake: max(|v|, |ω|·radius).
 
 * Dead time does not count: x begins when the base has slowed down. It is configured (`base_dead_time_s`).
 * Noise: v1 is compared with the mean speed before the stop, and x is a sum. The error of a is about 2σ/v1.
-* A base that follows a slowly falling command does not count: the whole distance is driven at a commanded zero.
+* A base that follows a slowly falling command does not count, nor does a stop that begins during one: for its dead time,
+  the base still follows the falling command.
 * Slopes and load: the second smallest of the last `KEPT` results counts, so that a stop downhill is remembered for
   several stops uphill, and a single outlier is forgotten at the next stop.
 
@@ -33,8 +34,16 @@ SMOOTHING = 0.2
 LONGEST_GAP_S = 0.15
 """A stop with a longer gap between two samples of odometry is not measured."""
 
+LEAST_M_S2 = 0.1
+"""The weakest brakes that can be configured. A base that shows less was pushed or rolled; with its number, a moving base
+would be detected only after many seconds."""
+
 GREATEST_M_S2 = 10.0
 """More than this exceeds the grip of a tyre: odometry was wrong."""
+
+WEAK_SHARE = 0.9
+"""The base is reported as weak if it shows less than this share of the configured deceleration; the rest is the error of a
+measurement, although the law uses the lower number at once."""
 
 KEPT = 10
 
@@ -79,7 +88,7 @@ def measure(
     braking = braking._replace(last_m_s=speed_m_s, last_s=at_s)
     if is_driven:
         mean_m_s = braking.mean_m_s + SMOOTHING * (speed_m_s - braking.mean_m_s)
-        stopping = mean_m_s >= LEAST_SPEED_M_S
+        stopping = mean_m_s >= LEAST_SPEED_M_S and speed_m_s >= BEGUN_SHARE * mean_m_s
         return braking._replace(mean_m_s=mean_m_s, stopping=stopping, first_m_s=0.0, way_m=0.0)
     if not braking.stopping or gap_s > LONGEST_GAP_S:
         return braking._replace(mean_m_s=0.0, stopping=False)
@@ -107,4 +116,4 @@ def _finish(braking: Braking, last_m_s: float) -> Braking:
     shown_m_s2 = (braking.first_m_s**2 - last_m_s**2) / (2.0 * braking.way_m)
     if not 0.0 < shown_m_s2 <= GREATEST_M_S2:
         return ended
-    return ended._replace(shown_m_s2=(*braking.shown_m_s2, shown_m_s2)[-KEPT:])
+    return ended._replace(shown_m_s2=(*braking.shown_m_s2, max(LEAST_M_S2, shown_m_s2))[-KEPT:])

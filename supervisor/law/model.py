@@ -80,12 +80,20 @@ class LawConfig:
         """Deceleration that the law trusts: the worse of the configured and the measured one."""
         return min(self.deceleration_m_s2, self.shown_m_s2)
 
+    @property
+    def late_s(self) -> float:
+        """How late a command acts: transport, one tick and dead time.
+
+        Without odometry, the law takes the base to move as commanded, which it does a dead time later: this counts again.
+        """
+        return self.transport_s + self.base_dead_time_s * (1.0 if self.odometry else 2.0)
+
     @cached_property
     def reach_m(self) -> float:
         """Distance from the hull beyond which a point limits no motion, at any permitted age of its scan."""
         fastest_m_s = self.max_linear_m_s + self.max_angular_rad_s * self.hull.radius_m
         oldest_s = max(lidar.timeout_s for lidar in self.lidars)
-        reaction_s = oldest_s + max(oldest_s, self.base_timeout_s) + self.transport_s + self.base_dead_time_s
+        reaction_s = oldest_s + max(oldest_s, self.base_timeout_s) + self.late_s
         braking_m = fastest_m_s * fastest_m_s / (2.0 * self.braking_m_s2)
         return self.stop_distance_m + fastest_m_s * reaction_s + braking_m + 0.05
 

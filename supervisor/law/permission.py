@@ -76,15 +76,16 @@ def _barriers(config: LawConfig, age_s: float, next_s: float, fastest_m_s: float
         next_s: age that they reach before they are seen again.
         fastest_m_s: an upper bound V of the speed of any point of the hull.
     """
-    late_s = config.transport_s + config.base_dead_time_s
     decided = Barrier(
         stop_distance_m=config.stop_distance_m,
         deceleration_m_s2=config.braking_m_s2,
-        reaction_s=next_s + late_s,
+        reaction_s=next_s + config.late_s,
         hidden_creep_m_s=config.blind_creep_m_s,
         dead_time_s=config.base_dead_time_s,
     )
-    alone = decided._replace(stop_distance_m=TOUCH_M, reaction_s=age_s + config.base_timeout_s + late_s)
+    alone = decided._replace(
+        stop_distance_m=TOUCH_M, reaction_s=age_s + config.base_timeout_s + config.late_s
+    )
     farther_m = fastest_m_s * (alone.reaction_s - decided.reaction_s)
     return (decided,) if farther_m <= decided.stop_distance_m - TOUCH_M else (decided, alone)
 
@@ -112,8 +113,8 @@ def barrier(
         for mixed in mixtures(has, commanded, config.residual):
             scale = min(scale, _permitted(known, mixed, worth)[0])
         if is_on_another_arc(has, commanded, config.hull.radius_m, config.residual.linear_m_s):
-            present, _ = _permitted(known, has, worth)
-            scale = 0.0 if present < PRESENT_SHARE else scale
+            on_its_arc, _ = _permitted(known, has, worth)
+            scale = 0.0 if on_its_arc < PRESENT_SHARE else scale
     passed = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
     lagging = lags(following.least if measured is None else measured, passed, config.residual)
     shares = [_permitted(known, twist, worth) for twist in lagging]

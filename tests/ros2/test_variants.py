@@ -50,7 +50,10 @@ def test_the_wrong_type_of_the_base_is_reported_with_the_key_to_change(
 
 @pytest.mark.parametrize(
     ("timeout", "code", "sentence"),
-    [("0.5", 0, "it has a timeout of its own"), ("none", 1, "it keeps its last command")],
+    [
+        ("0.5", 0, "it has a timeout of its own\nset base_timeout_s in [supervisor] to at least 0."),
+        ("none", 1, "it keeps its last command"),
+    ],
 )
 def test_check_base_measures_whether_the_base_has_a_timeout(
     host: Host, tmp_path: Path, timeout: str, code: int, sentence: str

@@ -8,6 +8,7 @@ import pytest
 from supervisor.law.base_braking import (
     GREATEST_M_S2,
     KEPT,
+    LEAST_M_S2,
     LEAST_SPEED_M_S,
     LONGEST_GAP_S,
     UNMEASURED,
@@ -97,6 +98,31 @@ def test_a_base_that_follows_a_falling_command_is_not_weak() -> None:
         braking = measure(braking, speed_m_s, now_s, is_driven=True, standing_m_s=STANDING_M_S)
     braking = measure(braking, 0.0, now_s + 0.02, is_driven=False, standing_m_s=STANDING_M_S)
     assert braking.shown_m_s2 == ()
+
+
+def test_a_stop_that_begins_while_the_command_falls_is_not_measured() -> None:
+    """For its dead time, the base still follows the falling command with 0.9 m/s²; then it brakes with 2 m/s²."""
+    braking, speed_m_s, now_s = UNMEASURED, 1.0, 0.0
+    while speed_m_s > 0.0:
+        now_s += 0.02
+        falls_m_s2 = 0.0 if now_s < 1.0 else 0.9 if now_s < 1.7 else 2.0
+        speed_m_s = max(0.0, speed_m_s - falls_m_s2 * 0.02)
+        braking = measure(braking, speed_m_s, now_s, is_driven=now_s < 1.6, standing_m_s=STANDING_M_S)
+    assert braking.shown_m_s2 == ()
+    assert bound_m_s2(stop(braking, deceleration_m_s2=1.2)) == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize(("speed_m_s", "is_steady"), [(0.879, True), (0.877, False)])
+def test_a_stop_begins_at_a_steady_speed(speed_m_s: float, *, is_steady: bool) -> None:
+    """At 0.878 m/s, the newest sample is 0.9 of the mean that contains it with a weight of 0.2: 0.8 + 0.2 · 0.878."""
+    braking = UNMEASURED._replace(mean_m_s=1.0)
+    braking = measure(braking, speed_m_s, 0.02, is_driven=True, standing_m_s=STANDING_M_S)
+    assert braking.stopping is is_steady
+
+
+def test_a_base_that_rolled_on_counts_as_the_weakest_that_can_be_configured() -> None:
+    assert bound_m_s2(stop(deceleration_m_s2=0.02)) == LEAST_M_S2
+    assert bound_m_s2(stop(deceleration_m_s2=1.01 * LEAST_M_S2)) == pytest.approx(1.01 * LEAST_M_S2)
 
 
 def test_a_stop_that_a_new_command_ends_is_not_measured() -> None:

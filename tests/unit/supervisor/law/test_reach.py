@@ -34,7 +34,9 @@ def _points(random: Random) -> Floats:
 
 
 def _barrier(random: Random) -> Barrier:
-    return Barrier(random.uniform(0.1, 0.5), random.uniform(0.5, 3.0), random.uniform(0.0, 0.4), 0.05)
+    reaction_s = random.uniform(0.0, 0.4)
+    dead_s = random.uniform(0.0, reaction_s)
+    return Barrier(random.uniform(0.1, 0.5), random.uniform(0.5, 3.0), reaction_s, 0.05, dead_s)
 
 
 def _numbers(scale: float, block: Block | None) -> list[float]:
@@ -44,7 +46,7 @@ def _numbers(scale: float, block: Block | None) -> list[float]:
 @pytest.mark.parametrize("trials", [1000, pytest.param(3000, marks=pytest.mark.proof)])
 @pytest.mark.parametrize("hull", HULLS, ids=["circle", "rectangle", "behind the axle", "triangle"])
 def test_the_points_in_reach_permit_what_all_points_permit(hull: Hull, trials: int) -> None:
-    """The scale and the blocking point are the same, also for a base that has moved since the scan.
+    """The scale and the blocking point are the same, also for a base that has moved since the scan, or that is faster.
 
     They may differ in the last digit: numpy rounds some operations otherwise at the end of an array.
     """
@@ -56,15 +58,16 @@ def test_the_points_in_reach_permit_what_all_points_permit(hull: Hull, trials: i
         way = Pose(random.uniform(-0.1, 0.1), random.uniform(-0.05, 0.05), random.uniform(-0.3, 0.3))
         odometer = Odometer(way if random.random() < 0.5 else Pose(0.0, 0.0, 0.0))
         place = Place(Pose(0.0, 0.0, 0.0), around)
-        fastest_m_s = abs(v) + abs(w) * hull.radius_m
+        present = random.choice((0.0, random.uniform(0.0, 2.0)))
+        fastest_m_s = max(1.0, present) * (abs(v) + abs(w) * hull.radius_m)
         known = in_reach(place, odometer, 1.0, barrier, fastest_m_s)
         here = None if odometer.pose == place.pose else survey(hull, moved(around.points, way), kind)
-        every = permitted_scale(around, v, w, barrier, here, worth=0.5)
+        every = permitted_scale(around, v, w, barrier, here, worth=0.5, present=present)
         if known is None:
             assert every == (1.0, None)
             left_out += 1
         else:
-            selected = permitted_scale(known.around, v, w, barrier, known.here, worth=0.5)
+            selected = permitted_scale(known.around, v, w, barrier, known.here, worth=0.5, present=present)
             assert _numbers(*selected) == pytest.approx(_numbers(*every), abs=1e-12)
     assert 0 < left_out < trials
 

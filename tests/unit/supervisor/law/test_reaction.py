@@ -36,20 +36,26 @@ class Robot:
 
 
 def nearest_m(
-    config: LawConfig, robot: Robot, *, dies_at_m: float = -math.inf, braking: Braking | None = None
+    config: LawConfig,
+    robot: Robot,
+    *,
+    start_m: float = 2.5,
+    dies_at_m: float = -math.inf,
+    braking: Braking | None = None,
 ) -> float:
     """Drive straight at a wall, and return the least clearance [m].
 
     Args:
         config: the configuration of the law.
         robot: the robot.
+        start_m: the clearance at the start.
         dies_at_m: the clearance at which everything above the base dies; by default, nothing dies.
         braking: what earlier stops have shown.
     """
     law = Law(replace(config, blind_budget_m=math.inf), room_m=9.0)
     if braking is not None:
         law.state = law.state._replace(base=law.state.base._replace(braking=braking))
-    clearance_m, speed_m_s = 2.5, 0.0
+    clearance_m, speed_m_s = start_m, 0.0
     seen = deque([clearance_m] * (1 + round(robot.latency_s / TICK_S)))
     pending = deque([STANDSTILL] * round(robot.dead_s / TICK_S))
     sent, dead_s, ticks = STANDSTILL, -math.inf, 0
@@ -97,6 +103,14 @@ def test_a_command_acts_late_and_the_configuration_says_so(dead_s: float) -> Non
     robot = Robot(dead_s=dead_s)
     assert nearest_m(CONFIG, robot) < 0.285
     assert nearest_m(replace(CONFIG, base_dead_time_s=dead_s), robot) >= 0.285
+
+
+@pytest.mark.parametrize("start_m", [0.5, 0.7, 0.9])
+def test_without_odometry_the_dead_time_of_an_accelerating_base_is_counted_twice(start_m: float) -> None:
+    late = replace(CONFIG, odometry=False, base_dead_time_s=0.2)
+    assert nearest_m(late, Robot(dead_s=0.2), start_m=start_m) >= 0.285
+    assert late.late_s - late.transport_s == pytest.approx(0.4)
+    assert replace(late, odometry=True).late_s - late.transport_s == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize("latency_s", [0.1, 0.16])

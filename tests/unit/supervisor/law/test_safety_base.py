@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from supervisor.law.base_braking import Braking
 from supervisor.law.base_motion import PATIENCE_S
 from supervisor.law.clearance import ConvexPolygon
 from supervisor.law.decision import Decision, Mode
@@ -389,6 +390,18 @@ def test_a_base_that_brakes_worse_than_configured_is_weak_from_its_first_stop(
     assert decision.detail == "the base brakes with 1.00 m/s², configured are 1.50"
     tick(law, FORWARD, STANDSTILL)
     assert (law.decision.mode, law.decision.limit) == (Mode.DRIVING, Limit.BASE_WEAK)
+
+
+@pytest.mark.parametrize(("share", "limit"), [(0.901, None), (0.899, Limit.BASE_WEAK)])
+def test_the_error_of_a_measurement_reduces_the_trusted_deceleration_and_is_not_reported(
+    share: float, limit: Limit | None
+) -> None:
+    law = Law(room_m=6.0)
+    tick(law, NEUTRAL, STANDSTILL)
+    shown_m_s2 = share * CONFIG.deceleration_m_s2
+    law.state = law.state._replace(braking=Braking(shown_m_s2=(shown_m_s2,)))
+    assert tick(law, NEUTRAL, STANDSTILL).limit is limit
+    assert law.state.config.braking_m_s2 == shown_m_s2
 
 
 def test_a_base_that_brakes_as_configured_or_better_is_not_weak() -> None:
