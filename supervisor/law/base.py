@@ -91,9 +91,7 @@ def observe(base: Base, config: LawConfig, now_s: float, before_s: float | None,
         odometer = reckon(base.odometer, odometry.velocity, odometry.arrival_s, config.believable)
     else:
         odometer = base.odometer
-    has_braked = _has_braked(base, config, now_s)
-    rest = watch(base.rest, odometer.pose, odometer.at_s, config.hull.radius_m) if has_braked else None
-    is_still = has_braked and not moves(odometer.velocity, config.residual)
+    is_still = _has_braked(base, config, now_s) and not moves(odometer.velocity, config.residual)
     measured_m_s = 0.0 if is_still else config.hull_speed_m_s(odometer.velocity)
     odometers = base.odometers
     if odometer is not base.odometer:
@@ -102,6 +100,9 @@ def observe(base: Base, config: LawConfig, now_s: float, before_s: float | None,
     if config.odometry:
         for gid in inputs.odometry_writers:
             writers = heard(writers, gid, now_s)
+    runs_away, rest = _runs_away(base, config, now_s, odometry), None
+    if not runs_away and _has_braked(base, config, min(now_s, odometer.at_s)):
+        rest = watch(base.rest, odometer.pose, odometer.at_s, config.hull.radius_m)
     return base._replace(
         odometry=odometry,
         writers=writers,
@@ -118,7 +119,7 @@ def observe(base: Base, config: LawConfig, now_s: float, before_s: float | None,
             config.trusted,
         ),
         rest=rest,
-        runaway=(rest is not None and rest.rolls) or _runs_away(base, config, now_s, odometry),
+        runaway=runs_away or (rest is not None and rest.rolls),
     )
 
 

@@ -399,7 +399,7 @@ def test_the_error_of_a_measurement_reduces_the_trusted_deceleration_and_is_not_
     law = Law(room_m=6.0)
     tick(law, NEUTRAL, STANDSTILL)
     shown_m_s2 = share * CONFIG.deceleration_m_s2
-    law.state = law.state._replace(braking=Braking(shown_m_s2=(shown_m_s2,)))
+    law.state = law.state._replace(base=law.state.base._replace(braking=Braking(shown_m_s2=(shown_m_s2,))))
     assert tick(law, NEUTRAL, STANDSTILL).limit is limit
     assert law.state.config.braking_m_s2 == shown_m_s2
 
