@@ -130,7 +130,7 @@ def hidden_places(
         parts.append((gaps.between[:, open_], gaps.between_m[open_]))
     if view.range_max_m < far_m:
         (silent,) = (known & ~view.hit).nonzero()
-        ends_m, enters_m = view.free_m[silent], gaps.beams_hull.enters_m[silent]
+        ends_m, enters_m = _before_ends_m(view, silent, smallest_m), gaps.beams_hull.enters_m[silent]
         outside_m = np.where(ends_m > enters_m, np.maximum(ends_m, gaps.beams_hull.leaves_m[silent]), ends_m)
         parts.append((rays.direction[:, silent], outside_m))
     if not (view.is_whole and gaps.is_round):
@@ -145,6 +145,13 @@ def hidden_places(
         direction, distance_m = seen
     places: Floats = (direction * distance_m + rays.origin_m).T
     return places
+
+
+def _before_ends_m(view: View, silent: npt.NDArray[np.intp], smallest_m: float) -> Floats:
+    """Return the distances (n,) [m] at which a disc begins that touches the ends of two neighbouring silent rays."""
+    radius_m, ends_m = smallest_m / 2.0, view.free_m[silent]
+    half_m = np.minimum(ends_m * abs(view.geometry.increment) / 2.0, radius_m)
+    return ends_m - (radius_m - np.sqrt(radius_m * radius_m - half_m * half_m))
 
 
 def _holes(view: View, smallest_m: float, far_m: float) -> _Holes:
