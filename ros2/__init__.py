@@ -2,5 +2,5 @@
 
 Start in `service.py`, the asyncio shell between the ROS node and the Zenoh session. The interface of
 the node is in `ros.py`. `node.py` implements it over DDS and is the only file that imports rclpy;
-`rmw_zenoh.py` implements it over Zenoh. Of clocks: `header_age.py` for sources, `base_clock.py` for the base.
+`rmw_zenoh.py` implements it over Zenoh. `header_age.py` judges the clocks of sources, `base_clock.py` that of the base.
 """

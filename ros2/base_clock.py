@@ -1,12 +1,12 @@
 """The clock of the base, from the stamps of its odometry, and the time that is written into a TwistStamped. Pure.
 
 A base such as diff_drive_controller compares the stamp of a command with its own clock. If its clock is ahead of this
-computer's by more than its timeout, it ignores each command; if it is behind, the last command holds for longer by the
-difference when everything above the base dies. Commands are therefore stamped in the base's clock: the offset is the
-smallest (arrival − stamp) of its odometry, judged as a command's age is (`wire/freshness.py`). A clock that has stepped, or
-that does not run like real time, is unproven until its offset has been stable again.
+computer's by more than its timeout, it ignores each command; if it is behind, and everything above the base dies, the last
+command holds for longer by the difference. Commands are therefore stamped in the base's clock: the offset is the
+smallest (arrival − stamp) of its odometry, judged like the age of a command (`wire/freshness.py`). After a step, or while
+it does not run like real time, the clock is unproven until its offset has been stable again.
 
-| `[ros2] stamp` | is written |
+| `[ros2] stamp` | stamp of a command |
 |---|---|
 | `base` | the time by the base's clock; while this is unproven, only zero velocity |
 | `zero` | zero: the base's controller takes its own time at arrival |
@@ -15,8 +15,8 @@ that does not run like real time, is unproven until its offset has been stable a
 """
 
 import math
-from typing import Literal
 
+from ros2.config import StampChoice
 from ros2.samples import Sample
 from wire import cdr
 from wire.freshness import Sent, Track, Verdict, judge
@@ -32,9 +32,9 @@ REPORTED_S = 30.0
 """How long a change of the offset is reported: long enough to find it after the stop that it caused."""
 MAX_STAMP_NS = (2**31 - 1) * 1_000_000_000
 """The largest time of a ROS message in whole seconds."""
+ODOM_DEPTH = 64
+"""Number of messages of odometry that wait for `BaseClock.hear`."""
 EPOCH = b"odom"
-
-Choice = Literal["base", "zero", "now"]
 
 
 class BaseClock:
@@ -44,8 +44,8 @@ class BaseClock:
         choice: `[ros2] stamp`.
     """
 
-    def __init__(self, choice: Choice | None) -> None:
-        self._choice: Choice | None = choice
+    def __init__(self, choice: StampChoice | None) -> None:
+        self._choice: StampChoice | None = choice
         self._track = Track()
         self._header = HeaderClock()
         self._heard = 0
@@ -74,8 +74,8 @@ class BaseClock:
             self._lost_s, self._lost_ahead_s = arrival_s, ahead_s
 
     @property
-    def choice(self) -> Choice:
-        """What is written."""
+    def choice(self) -> StampChoice:
+        """Which time is written."""
         return self._choice or ("base" if self._heard else "now")
 
     @property

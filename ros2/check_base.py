@@ -11,7 +11,7 @@ import time
 from collections.abc import Awaitable, Callable
 
 from ros2 import ros
-from ros2.base_clock import BaseClock
+from ros2.base_clock import ODOM_DEPTH, BaseClock
 from ros2.commands import message
 from ros2.config import Ros2Section
 from ros2.reports import clause
@@ -25,7 +25,6 @@ MOVING_RAD_S = 0.1
 STANDING_RAD_S = 0.03
 TURN_S = 1.5
 PERIOD_S = 0.05
-ODOM_DEPTH = 64
 DISCOVERY_S = 1.5
 """For discovery to find the other publishers: each node announces itself every 0.5 s to 3 s, and when it hears a new one."""
 ODOM_LIMIT_S = 5.0

@@ -111,10 +111,10 @@ class Source:
         return commands
 
     def _commands(self, sample: Sample, gid: bytes) -> list[Command]:
-        twist = cdr.twist_of(sample.payload, stamped=self.headers is not None) or b""
         headers = self.headers
+        twist = cdr.twist_of(sample.payload, stamped=headers is not None) or b""
         source_time_ns = sample.source_time_ns if headers is None else headers.source_time_ns(sample)
-        if source_time_ns is None:  # an old command is no silence
+        if source_time_ns is None:  # an old command is not silence
             self._sequence = sample.sequence
             self._wait_for_release(sample.arrival_s)
             return []

@@ -40,6 +40,7 @@ def _is_namespace(value: str) -> str:
 RosTopic = Annotated[str, AfterValidator(_is_topic)]
 # A held key repeats every 30 to 50 ms, after a delay of 0.25 to 0.66 s, so no keyboard needs a hold above 1 s.
 Hold = Annotated[float, Between(0.05, 1.0, "the robot drives on for this long after the key is released")]
+StampChoice = Literal["base", "zero", "now"]
 
 
 class RosSourceSection(Section):
@@ -81,7 +82,7 @@ class Ros2Section(Section):
     cmd_vel: RosTopic = "cmd_vel"
     stamped: bool = False
     """Whether the base listens to TwistStamped."""
-    stamp: Literal["base", "zero", "now"] | None = None
+    stamp: StampChoice | None = None
     """Which time is written into a TwistStamped (`ros2/base_clock.py`); None: `base` once stamped odometry is heard, before `now`."""
     frame_id: Annotated[str, Field(min_length=1, max_length=64)] = "base_link"
     """The frame of a TwistStamped."""

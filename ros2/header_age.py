@@ -3,7 +3,7 @@
 A program, or a relay, may publish an old command: only the header's stamp then shows its age. On this host, stamps are
 compared with the wall clock. On another host, the offset of the clocks is part of the difference: a stamp that differs by
 more than a limit is refused, and the progress of the others shows delays that grow, as for all stamps on the wire
-(`wire/freshness.py`). With a clock of its own, only the progress shows an age. A stamp of zero is none.
+(`wire/freshness.py`). With a clock of its own, only the progress shows an age. A stamp of zero means no stamp.
 """
 
 from ros2.samples import Sample
@@ -25,12 +25,14 @@ class HeaderAge:
         self.attend(is_here=False)
 
     def attend(self, *, is_here: bool) -> None:
-        """Begin with a program.
+        """Follow a new program.
 
         Args:
             is_here: whether it is known to run on this host.
         """
         self._clock, self._is_here = HeaderClock(), is_here
+        self._most_s = self._timeout_s if is_here and self._limit_s is not None else self._limit_s
+        """The largest difference to the wall clock that is accepted; None: any."""
         self._ahead_s = 0.0
         """The newest stamp less the time of its arrival, both by wall clocks."""
 
@@ -41,11 +43,6 @@ class HeaderAge:
         source_time_ns = stamp_ns - sample.clock_ns if stamp_ns else sample.source_time_ns
         self._ahead_s = source_time_ns * 1e-9 - sample.arrival_s if stamp_ns else 0.0
         return None if self._is_refused else source_time_ns
-
-    @property
-    def _most_s(self) -> float | None:
-        """The largest difference to the wall clock that is accepted; None: any."""
-        return self._timeout_s if self._is_here and self._limit_s is not None else self._limit_s
 
     @property
     def _is_refused(self) -> bool:

@@ -16,7 +16,7 @@ from functools import partial
 from typing import Any
 
 from ros2 import ros
-from ros2.base_clock import BaseClock
+from ros2.base_clock import ODOM_DEPTH, BaseClock
 from ros2.commands import Base, Command, Source, message
 from ros2.config import Ros2Section, RosSourceSection
 from ros2.header_age import HeaderAge
@@ -44,7 +44,6 @@ from wire.zenoh.session import RawPublisher, ZenohSession
 _log = logging.getLogger(__name__)
 
 COMMAND_DEPTH = 32
-ODOM_DEPTH = 64
 LOOK_PERIOD_S = 0.5
 """Time between two queries of discovery; a change of discovery also causes one at once."""
 POLL_PERIOD_S = 0.05
@@ -127,7 +126,7 @@ class Ros2Service:
         self._base = Base(config.command_timeout_s)
         self._base_clock = BaseClock(config.stamp)
         self._odometry: Inbox[Sample] = Inbox(ODOM_DEPTH, None)
-        """Of a base that listens to TwistStamped, for its clock. It wakes nothing: the base is served often enough."""
+        """Of a base that listens to TwistStamped, for its clock. It wakes nothing, because the loop reads it often enough."""
         self._sensors = [
             self._sensor(f"scan {topic}", topic, ros.LASER_SCAN, topics.lidar_scan(on_wire))
             for topic, on_wire in zip(config.scans, lidar_topics, strict=True)

@@ -265,9 +265,8 @@ class SupervisorService:
 
     def _is_estop_unrecorded(self) -> bool:
         record = self._estop_record
-        is_pressing = (
-            record.is_pending and self._state.interlock.is_estop_latched
-        )  # the e-stop itself stops the robot
+        # Until a press is recorded, the e-stop itself stops the robot.
+        is_pressing = record.is_pending and self._state.interlock.is_estop_latched
         return not is_pressing and record.problem != ""
 
     def _heard_stations(self) -> Iterator[Presence]:

@@ -17,6 +17,7 @@ from lifeline.inspection.nodes import Node, describe
 from lifeline.inspection.traffic import Traffic
 from supervisor.config import SupervisorSection
 from wire import topics
+from wire.header_clock import in_words
 from wire.messages import SafetyStatus
 from wire.reasons import words_of
 from wire.text import printable
@@ -360,7 +361,7 @@ def _clocks(seen: Observed) -> Iterator[Finding]:
         if abs(offset_s) > CLOCK_LIMIT_S:
             yield note(
                 "clocks",
-                f"the header of {key} is {abs(offset_s):.1f} s {'ahead of' if offset_s > 0 else 'behind'} this clock",
+                f"the header of {key} is {in_words(offset_s)}",
                 "synchronise the clocks with NTP, or let its driver stamp in real time (use_sim_time:=false); the law itself does "
                 "not compare clocks, but a base that checks stamps does",
             )

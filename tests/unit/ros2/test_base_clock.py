@@ -11,8 +11,8 @@ from ros2.base_clock import (
     SILENT_S,
     STABLE_S,
     BaseClock,
-    Choice,
 )
+from ros2.config import StampChoice
 from ros2.samples import Sample
 from wire import cdr
 
@@ -31,7 +31,7 @@ def odometry(stamp_s: float, arrival_s: float, wall_s: float = WALL_S) -> Sample
 class Base:
     """A base at 50 Hz, whose clock is a function of the real time."""
 
-    def __init__(self, choice: Choice | None = None) -> None:
+    def __init__(self, choice: StampChoice | None = None) -> None:
         self.clock = BaseClock(choice)
         self.now_s = 10.0
 
