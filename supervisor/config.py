@@ -78,7 +78,7 @@ class LidarSection(Section):
     """None: `scan_timeout_s` if given, else the profile's timeout."""
     period_s: Annotated[float, Between(0.002, 2.0)] | None = None
     """Time between two scans; None: the profile's usual period."""
-    # A lidar whose scans are half a second old shows where the robot was.
+    # A larger value is an error: scans that are half a second old show a past place of the robot.
     latency_s: Annotated[float, Between(0.0, 0.5)] = 0.0
     """Constant time from the measurement to the message, which no stamp shows."""
 
@@ -213,7 +213,7 @@ class SupervisorSection(Section):
     deceleration_m_s2: Annotated[float, Between(0.1, 10.0)] = 1.5
     base_acceleration_m_s2: Acceleration = 0.5
     base_angular_acceleration_rad_s2: AngularAcceleration = 1.5
-    # No base that a person drives by keyboard reacts half a second late.
+    # A larger value is an error: a base that reacts half a second late cannot be driven by keyboard.
     base_dead_time_s: Annotated[float, Between(0.0, 0.5)] = 0.0
     base_timeout_s: Annotated[
         float, Between(0.02, 2.0, "a base without a timeout drives on if the supervisor dies")

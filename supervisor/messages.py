@@ -75,7 +75,7 @@ def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float, lidar: i
 
 
 class ScanHeaders:
-    """Finds stamps of scans' headers that do not run like real time, for people; a scan with an attachment needs none.
+    """Finds stamps of scans' headers that do not run like real time, for the status; it ignores scans with an attachment.
 
     Args:
         lidars: the names of the lidars.

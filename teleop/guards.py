@@ -3,7 +3,7 @@
 Refusals     the supervisor refuses all commands of this program
 Supervisors  two robots have one namespace
 RoundTrip    the robot answers too late
-Pulse        the terminal no longer shows the output; keys that may be older than the newest proof that it does
+Pulse        the terminal no longer shows the output; a key may have been typed before it showed the present picture
 """
 
 import math
@@ -182,7 +182,7 @@ class Pulse:
 
     Keys and replies arrive in one stream. A key behind the reply to a request was typed after the terminal had received
     this request and the picture before it. After a doubt, only keys behind the reply to a later request are live
-    (docs/decisions/0061). A reply that got lost delays this by one request.
+    (docs/decisions/0061). A lost reply delays this by one request.
     """
 
     def __init__(self) -> None:

@@ -2,7 +2,7 @@
 
 The heartbeat proves that this loop runs: a hang silences it, and the supervisor stops the robot. After a hang, missed
 heartbeats are not sent later, the setpoint is zero, and keys typed during the hang are void, because the robot did
-not respond to them. The same holds for keys that were typed while the terminal did not show the output.
+not respond to them. So are keys typed while the terminal did not show the output.
 """
 
 import asyncio
@@ -330,7 +330,7 @@ class Teleop:
         return vigilance_left_s(now_s, self._key_s, self._setup.vigilance_s, moving=moving)
 
     def _keep_vigil(self, now_s: float) -> None:
-        """Ask for a key when none has been pressed for long, then send zero."""
+        """Ask for a key at the end of vigilance; without one, send zero."""
         left_s, demanded = self._vigilance_left_s(now_s), self._demands_key
         self._demands_key = left_s <= DEMAND_S
         if self._demands_key and not demanded:

@@ -78,7 +78,7 @@ class Terminal:
         wake: set when there are keys to take.
         plain: show one line at the bottom with notes above it, instead of using the whole screen.
         on_releases: for control by holding; called with whether the terminal reports key releases. They count only
-            on a terminal that answers status requests: behind a dead link, the release of a key would never come.
+            on a terminal that answers status requests: behind a dead link, the release of a key never arrives.
         on_answer: called when the terminal answers its first status request.
     """
 

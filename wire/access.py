@@ -28,7 +28,7 @@ ADMIN_SPACE = "@/**"
 """Zenoh's own report of sessions and declarations, for the inspection tools; it is read-only.
 
 The hub replies for each declaration while it holds the read lock of its routing tables. A declaration that arrives
-meanwhile stops its routing without end (pull request 2619 of eclipse-zenoh/zenoh), and the robot with it.
+meanwhile blocks its routing permanently (pull request 2619 of eclipse-zenoh/zenoh), and the robot stops.
 """
 HUB_ENTRY = "@/*/peer"
 """The hub's entry in the admin space: its sessions and their links. It is read without that lock."""
@@ -79,7 +79,7 @@ class Grant:
 
 
 INSPECTION = (Grant(("query",), "ingress", (ADMIN_SPACE,)), Grant(("reply",), "egress", (ADMIN_SPACE,)))
-"""To read all of the admin space, for proven participants: those with a certificate, and the programs of the hub's user.
+"""To read all of the admin space: for programs at the hub's socket, and for certificates other than a viewer's or a router's.
 
 A viewer must not be able to stop the robot.
 """

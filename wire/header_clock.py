@@ -2,7 +2,7 @@
 
 A bridge, a recording or a simulation may stamp headers with a clock that stands, that has only whole seconds, or that runs
 slower than real time. Ages from such stamps grow without a delay, so the messages are refused as late. This module finds
-the cause, for people.
+the cause for reports and the status.
 """
 
 WINDOW_S = 2.0
@@ -66,5 +66,5 @@ class HeaderClock:
 
 
 def in_words(ahead_s: float) -> str:
-    """Return the difference of a clock or a stamp to the clock of this computer."""
+    """Return in words by how much a clock or a stamp differs from the clock of this computer."""
     return f"{abs(ahead_s):.2f} s {'ahead of' if ahead_s > 0.0 else 'behind'} this computer's clock"

@@ -102,7 +102,7 @@ class Operator:
         keyboard.press(("w" if more > 0 else "x") * abs(more) + ("a" if turn > 0 else "d") * abs(turn))
 
     def _show_presence(self) -> None:
-        """Press the key that keeps a moving robot moving, also while nothing else is pressed for long."""
+        """Renew vigilance while motion is requested."""
         keyboard = self._world.keyboard
         if keyboard is not None and keyboard.steps != (0, 0):
             keyboard.press((PRESENCE_KEY,))

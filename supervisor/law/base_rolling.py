@@ -12,7 +12,7 @@ from supervisor.law.reckoning import Pose, between
 ROLLED_M = 0.03
 WINDOW_S = 10.0
 STOOD_S = 2.0
-"""A base that has rolled stands again when it has moved less than `ROLLED_M` for this time."""
+"""A base that has rolled counts as standing when it has moved by at most `ROLLED_M` for this time."""
 
 
 class Rest(NamedTuple):

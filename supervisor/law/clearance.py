@@ -27,14 +27,14 @@ standstill,
 
     u·T + (v - u)²/2a + u²/2a <= c - d      that is      u² + u·(a·T - v) + v²/2 <= a·(c - d)
 
-so that (v - u)²/2a is missing in κ. A base with a dead time D keeps v for D, and u for what remains of T:
+κ lacks the term (v - u)²/2a. A base with a dead time D keeps v for D, and u for what remains of T:
 
     u² + u·(a·(T - D) - v) + v²/2 + a·D·v <= a·(c - d)
 
 The left side is convex in u. At u = 0 it says v·D + v²/2a <= c - d: the base can still stop. If that holds, the larger root
 is the permitted speed, and every lower speed is permitted too; if not, nothing is. At u = v it is κ's own condition.
 Then a zero command at the next decision still stops the base at d or before. Without a dead time, v²/2a <= c - d holds at
-every moment until then, so it holds for ever (tests/unit/supervisor/law/test_slowing.py). A base that brakes with more
+every moment until then, and by induction always (tests/unit/supervisor/law/test_slowing.py). A base that brakes with more
 than a only leaves more distance. The same bound holds along the path ahead, for shares of the twist: there τ is the
 distance, and |V|/a the inverse of the deceleration.
 """

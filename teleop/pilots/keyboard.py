@@ -62,7 +62,7 @@ class Incremental(_KeyPilot):
         most: maximum of each velocity at the highest speed level, above zero.
         level: the initial speed level.
         unanswered_m_s: maximum forward velocity until the terminal answers a status request: without answers, a dead
-            link to the terminal is not noticed.
+            link to the terminal is not detected.
     """
 
     def __init__(

@@ -1,6 +1,6 @@
-"""Vigilance: in control by steps, the operator must press a key now and then, as on trains. Pure.
+"""Vigilance: in control by steps, the operator must press a key at intervals, as on trains. Pure.
 
-A terminal multiplexer or mosh answers the terminal's status requests also when no person sees the screen
+A terminal multiplexer or mosh answers teleop's status requests also when no person sees the screen
 (docs/decisions/0061).
 """
 
@@ -11,7 +11,7 @@ DEMAND_S = 3.0
 DEAD_LINK_M = 1.0
 """The farthest that the robot drives behind a dead link to a terminal that answers no status requests."""
 REACTION_S = 0.5
-"""From the end of vigilance to the robot's standstill, without the way to the robot."""
+"""Time from the end of vigilance to standstill, without the transport of the command."""
 
 
 def vigilance_left_s(now_s: float, key_s: float, vigilance_s: float, *, moving: bool) -> float:

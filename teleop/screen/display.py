@@ -57,8 +57,8 @@ def news(view: View) -> News:
         case _ if view.lateness:
             return News("LATE", view.lateness, "no motion is sent: wait, or use a faster link", Tone.STOP)
         case _ if view.demands_key:
-            what = f"no key for long: zero is sent in {_seconds(view)} s"
-            return News("PRESS ENTER", what, "Enter drives on; s stops", Tone.CAUTION)
+            what = f"no key was pressed: zero is sent in {_seconds(view)} s"
+            return News("PRESS ENTER", what, "Enter: continue; s: stop", Tone.CAUTION)
         case SafetyStatus.READY:
             return _ready(view, status)
         case SafetyStatus.DRIVING:
@@ -71,7 +71,7 @@ def news(view: View) -> News:
 
 
 def _seconds(view: View) -> int:
-    """Return the whole seconds in which a key must be pressed."""
+    """Return the whole seconds until zero is sent for lack of a key."""
     return max(0, math.ceil(view.vigilance_left_s))
 
 

@@ -174,7 +174,7 @@ class View:
 
     @property
     def demands_key(self) -> bool:
-        """Whether the robot stops soon unless a key is pressed."""
+        """Whether the screen asks for a key: without one, zero is sent soon."""
         return self.vigilance_left_s <= DEMAND_S
 
     @property

@@ -505,7 +505,7 @@ async def test_enter_does_nothing_but_renew() -> None:
 
 
 @pytest.mark.parametrize("event", [KeyEvent(FOCUS_OUT), KeyEvent("w", KeyKind.RELEASE)])
-async def test_what_no_finger_pressed_does_not_renew_vigilance(event: KeyEvent) -> None:
+async def test_an_event_that_is_no_press_of_a_key_does_not_renew_vigilance(event: KeyEvent) -> None:
     async with bench() as b:
         await b.press("w")
         for _ in range(14):

@@ -3,8 +3,8 @@
 The loop that makes the decisions sends the reports itself, after each decision. A thread or task of its own would go on
 reporting while that loop hangs.
 
-To the kernel, a report sets a timer anew. When it expires, SIGALRM ends the process, whatever its threads hold or wait
-for: the signal has no handler. Whatever started the service then starts it again.
+To the kernel, a report sets a timer. When it expires, SIGALRM ends the process, even if its threads hold or wait for
+locks: the signal has no handler. The program that started the service then starts it again.
 
 To systemd, a report is one datagram of sd_notify(3), which also says that the service is ready and that it ends. systemd
 kills a service with `WatchdogSec` whose reports end, also one that is stopped by a signal. A report never waits, and a

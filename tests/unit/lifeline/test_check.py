@@ -120,7 +120,7 @@ def test_the_stopping_distance_is_reaction_and_braking_and_the_stop_distance(tmp
     assert way.total_m == pytest.approx(0.192 + 0.64 + 0.25)
 
 
-def test_the_stopping_distance_contains_what_base_and_lidar_need_to_react(tmp_path: Path) -> None:
+def test_the_stopping_distance_contains_latency_and_dead_time(tmp_path: Path) -> None:
     late = report(
         tmp_path, "[supervisor]\nbase_dead_time_s = 0.1\n[supervisor.lidar]\nlatency_s = 0.05\n[sim]\n"
     )

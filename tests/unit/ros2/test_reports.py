@@ -60,7 +60,7 @@ def test_refused_messages_are_an_error_of_their_topic() -> None:
     assert (sensor.level, sensor.message) == (Level.ERROR, "messages have no attachment")
 
 
-def test_what_shows_the_age_of_a_stamped_source_is_a_value() -> None:
+def test_the_report_of_a_stamped_source_says_what_shows_its_age() -> None:
     report = source_report(STEADY, programs(TELEOP), 0, 0, age="from the headers' stamps")
     assert dict(report.values)["age"] == "from the headers' stamps"
     assert "age" not in dict(source_report(STEADY, programs(TELEOP), 0, 0).values)

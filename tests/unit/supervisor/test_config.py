@@ -76,11 +76,11 @@ def test_the_timeout_of_a_lidar_with_latency_is_longer_by_it() -> None:
         ("base_timeout_s", math.inf),
     ],
 )
-def test_what_no_base_does_is_refused(key: str, value: float) -> None:
+def test_values_that_no_base_has_are_refused(key: str, value: float) -> None:
     assert f"supervisor.{key}" in refusal(**{key: value})
 
 
-def test_what_the_base_and_the_lidar_need_reaches_the_law() -> None:
+def test_timeout_dead_time_and_latency_reach_the_law() -> None:
     law = load(base_dead_time_s=0.1, base_timeout_s=0.5, lidar={"latency_s": 0.05}).law()
     assert (law.base_dead_time_s, law.base_timeout_s, law.lidars[0].latency_s) == (0.1, 0.5, 0.05)
     assert law.shown_m_s2 == math.inf

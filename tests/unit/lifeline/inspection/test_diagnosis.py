@@ -93,7 +93,7 @@ def test_each_program_that_hung_is_one_note_and_no_problem() -> None:
     assert problems(seen) == []
 
 
-def test_what_may_not_be_read_is_one_note_and_not_called_missing() -> None:
+def test_nodes_that_may_not_be_read_are_one_note_and_not_reported_as_missing() -> None:
     seen = running(nodes=[], nodes_problem="run this command as that user")
     notes = [finding for finding in diagnose(seen) if finding.verdict is Verdict.NOTE]
     assert [(f.check, f.what) for f in notes] == [("nodes", "not checked: run this command as that user")]
@@ -275,7 +275,7 @@ def test_simulated_time_in_a_header_is_named() -> None:
     assert "use_sim_time:=false" in clocks.remedy
 
 
-def test_stale_scans_with_stamps_that_do_not_run_like_real_time_are_no_reason_to_wait_for_the_lidar() -> None:
+def test_for_stale_scans_whose_stamps_do_not_run_like_real_time_the_remedy_is_not_to_wait() -> None:
     detail = "the stamps of the lidar's scans run at 0.90 of real time"
     seen = running(status=SafetyStatus(header(""), causes=["SCAN_STALE"], detail=detail))
     (stop,) = (finding for finding in diagnose(seen) if finding.check == "stop")

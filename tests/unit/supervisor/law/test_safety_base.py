@@ -445,7 +445,7 @@ def test_a_base_is_no_longer_weak_once_its_last_stops_are_good() -> None:
     assert stops_with(law, 2.0).limit is Limit.BASE_WEAK
 
 
-def test_a_stop_has_its_reason_and_not_the_weak_brakes() -> None:
+def test_a_stop_shows_its_reason_instead_of_the_weak_brakes() -> None:
     law = Law(room_m=6.0)
     stops_with(law, 1.0)
     law.drive()

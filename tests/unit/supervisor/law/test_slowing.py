@@ -158,7 +158,7 @@ def test_a_base_that_can_no_longer_stop_is_commanded_zero() -> None:
         assert (permitted.item() == 0.0) is is_zero
 
 
-def test_a_base_that_is_slower_than_permitted_has_the_speed_of_before() -> None:
+def test_a_base_that_is_slower_than_permitted_has_the_bound_of_a_steady_base() -> None:
     barrier = Barrier(0.3, 1.5, 0.2, 0.0)
     clearance = np.array([0.2, 0.3, 0.5, 1.0])
     steady = permitted_closing_speed(clearance, barrier)

@@ -39,7 +39,7 @@ def run(*lines: str, begin: str = BEGIN) -> tuple[int, str, float]:
 
 
 @pytest.mark.parametrize("hang", HANGS.values(), ids=HANGS)
-def test_a_process_that_hangs_is_ended_at_its_limit_whatever_holds_it(hang: str) -> None:
+def test_a_process_that_hangs_is_ended_at_its_limit_even_while_a_lock_is_held(hang: str) -> None:
     code, last_turn, ended_s = run(LAST_TURN, hang)
     assert code == -signal.SIGALRM
     assert LIMIT_S - 0.01 <= ended_s - float(last_turn) < LIMIT_S + MARGIN_S
@@ -93,7 +93,7 @@ def test_without_a_limit_no_timer_is_set() -> None:
         "signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGALRM})",
     ],
 )
-def test_a_signal_that_its_parent_ignores_or_blocks_ends_it_all_the_same(inherited: str) -> None:
+def test_a_signal_that_its_parent_ignores_or_blocks_still_ends_it(inherited: str) -> None:
     program = f"{BEGIN}{LAST_TURN}time.sleep(60)"
     become = (
         f"import os, signal, sys; {inherited}; os.execv(sys.executable, [sys.executable, '-c', {program!r}])"
