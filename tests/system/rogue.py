@@ -37,7 +37,7 @@ def answer(session: zenoh.Session, key: str, payload: bytes) -> zenoh.Queryable[
 def freezing(endpoint: str) -> Generator[None]:
     """Let two programs of this user declare, and ask for what is declared, until the hub's routing is deadlocked.
 
-    Zenoh answers such a query while it holds the read lock of its tables. A declaration that arrives meanwhile stops its
+    Zenoh answers such a query while it holds the read lock of its tables. A declaration that arrives meanwhile blocks its
     routing (pull request 2619 of eclipse-zenoh/zenoh).
     """
     over = threading.Event()

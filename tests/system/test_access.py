@@ -254,7 +254,7 @@ async def test_every_role_may_read_the_robots_keys_and_tokens_and_nothing_else(r
 
 
 async def test_only_at_the_socket_does_the_hub_report_declarations() -> None:
-    """While it reports them, a declaration can stop its routing (pull request 2619 of eclipse-zenoh/zenoh)."""
+    """While it reports them, a declaration can block its routing (pull request 2619 of eclipse-zenoh/zenoh)."""
     for unproven in ((Role.VIEWER,), LOCAL_ROLES):
         endpoint = free_endpoint()
         hub = await open_session(BusConfig(endpoint, contract=CONTRACT, unproven=unproven), "hub")

@@ -173,7 +173,7 @@ def test_beyond_its_range_a_beam_without_a_return_proves_nothing(range_max_m: fl
     readings[:AHEAD] = 0.5
     places = hidden(view_of(readings, range_max_m=range_max_m))
     assert len(places) == (BEAMS - AHEAD if hides else 0)
-    # A disc that touches the ends of two neighbouring rays bulges between them.
+    # A disc that touches the ends of two neighbouring rays reaches between them, beyond the line of their ends.
     bulge_m = SMALLEST_M / 2 - math.sqrt((SMALLEST_M / 2) ** 2 - (range_max_m * BEAM_RAD / 2) ** 2)
     assert away_m(places) == pytest.approx(range_max_m - bulge_m, abs=1e-9)
     assert (bearing_deg(places) > -1e-6).all(), "where something returns it is seen"
