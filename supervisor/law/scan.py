@@ -3,7 +3,8 @@
 A beam with a return proves its ray free up to the return and shows an object there. A beam without a return proves
 its ray free up to `range_max`. This is weak evidence, because a dirty beam has no return either. A profile may
 therefore accept it only for beams that had a return recently. A reading that the profile does not explain proves
-nothing: earlier scans stand in for its direction for one timeout; after that, the direction is a hole.
+nothing: earlier scans stand in for its direction for one timeout; after that, the direction is a hole. So does silence where
+returns vanished that cannot have moved away (silence.py).
 
 A scan proves nothing if its numbers contradict each other, if it repeats while the robot moves, if nearly all
 returns vanish from one scan to the next, or if the lidar has not had any return since the start.
@@ -20,6 +21,7 @@ import numpy.typing as npt
 from supervisor.law.clearance import Floats, Hull, Mask, Surroundings, nothing_around, survey
 from supervisor.law.lidar import LidarProfile, explain
 from supervisor.law.reckoning import Pose, between
+from supervisor.law.silence import FAR_SHARE, MOVER_M_S, vanished
 from wire.freshness import Sent
 
 FROZEN_REPEATS = 3
@@ -126,6 +128,9 @@ class View(NamedTuple):
     """(n,): time of this beam's last return."""
     returned_m: Floats
     """(n,): distance that the robot had travelled at that time."""
+    lost_rad: Floats | None = None
+    """(n,): for a lost beam (silence.py), the direction in which it lost its return, as odometer yaw plus its angle in the
+    lidar's frame; NaN for the others. None if no beam is lost."""
 
 
 class ScanReading(NamedTuple):
@@ -341,6 +346,11 @@ def _view(
             returned_m >= moment.travelled_m - profile.silence_limit_m
         )
         explained &= able
+    lost_rad = None
+    if before is not None:
+        lost_rad = _lost(before, hit, explained & ~hit, moment, lidar.mount, scan.range_max)
+    if lost_rad is not None:
+        explained &= np.isnan(lost_rad)
     free_m = np.where(hit, distance_m, scan.range_max)
     facing_rad, explained_s = moment.pose.yaw_rad, np.full(geometry.beams, taken_s)
     if not explained.all():
@@ -363,7 +373,37 @@ def _view(
         facing_rad,
         returned_s,
         returned_m,
+        lost_rad,
     )
+
+
+def _lost(
+    before: View, hit: Mask, silent: Mask, moment: Moment, mount: Mount, range_max_m: float
+) -> Floats | None:
+    """Return `View.lost_rad` of a scan with these returns and silent beams; see silence.py."""
+    count, angle_min, increment = before.geometry
+    pose, is_round = moment.pose, is_full_turn(before.geometry)
+    way, index = between(before.pose, pose), np.arange(count)
+    moved_m = math.hypot(way.x_m, way.y_m) + abs(way.yaw_rad) * math.hypot(mount.x_m, mount.y_m)
+    strip_m = MOVER_M_S * (moment.taken_s - before.taken_s) + moved_m
+    shift = round(way.yaw_rad / increment)
+    known = before if shift == 0 else _at_beams(before, index + shift)
+    remained = known.hit & (known.free_m + strip_m < FAR_SHARE * range_max_m)
+    newly = vanished(silent, remained, known.free_m, abs(increment), strip_m, is_round=is_round)
+    if before.lost_rad is None and not newly.any():
+        return None
+    facing_rad = pose.yaw_rad + angle_min
+    lost_rad = np.full(count, math.nan) if before.lost_rad is None else before.lost_rad
+    lost_rad = np.where(newly & np.isnan(lost_rad), facing_rad + increment * index, lost_rad)
+    lost_rad[hit] = math.nan
+    lost = ~np.isnan(lost_rad)
+    (beams,) = lost.nonzero()
+    there = np.rint((lost_rad[beams] - facing_rad) / increment).astype(np.int64)
+    there = there % count if is_round else there
+    inside = (there >= 0) & (there < count)
+    there = np.clip(there, 0, count - 1)
+    lost_rad[beams[inside & silent[there] & ~lost[there]]] = math.nan
+    return None if np.isnan(lost_rad).all() else lost_rad
 
 
 def _resampled(before: View, geometry: Geometry) -> View:
@@ -403,6 +443,7 @@ def _at_beams(view: View, beam: npt.NDArray[np.int64]) -> View:
         explained_s=np.where(inside, view.explained_s[beam], -math.inf),
         returned_s=np.where(inside, view.returned_s[beam], -math.inf),
         returned_m=np.where(inside, view.returned_m[beam], -math.inf),
+        lost_rad=None if view.lost_rad is None else np.where(inside, view.lost_rad[beam], math.nan),
     )
 
 
