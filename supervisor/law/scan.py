@@ -33,8 +33,12 @@ REPEATED_TRAVEL_M = 0.005
 
 BLANK_AFTER_SHARE = 0.1
 BLANK_DROP = 0.1
-"""A scan is invalid if it has less than a tenth of the returns of the previous scan, and that scan had returns on at
-least a tenth of its beams. Scans stay invalid until the returns come back: a lidar with a failed laser looks the same."""
+"""A scan is blank if it has less than a tenth of the returns of the previous scan, and that scan had returns on at least a
+tenth of its beams. A blank scan counts as missing at first, so that a single one stops nothing; then they are invalid until the
+returns come back: a lidar with a failed laser looks the same."""
+
+BLANK_SHARE = 0.5
+"""Share of the timeout for which blank scans count as missing; below 1, so that the reason is not that there is no scan."""
 
 LEAST_INCREMENT_RAD = 1e-6
 """Smallest accepted angle between neighbouring beams: a thousandth of that of real lidars."""
@@ -228,22 +232,21 @@ def read_scan(
     (hits,) = hit.nonzero()
     share = len(hits) / geometry.beams
     view = _view(before, geometry, hit, readings.explained & rays.looking, distance_m, scan, moment, lidar)
-    if not view.is_whole and not view.free_m.any():
-        problem = "no reading that the profile explains"
     has_returned = len(hits) > 0 or (previous is not None and previous.has_returned)
-    if problem is None and not (has_returned or in_the_open):
+    repeats, since_m = _repetition(previous, scan, moment)
+    travel_m = moment.travelled_m - since_m
+    if previous is not None and _is_blank(share, previous):
+        if previous.problem is None and moment.taken_s - previous.taken_s <= BLANK_SHARE * lidar.timeout_s:
+            return previous
+        problem, share = "nearly all returns disappeared from one scan to the next", previous.return_share
+    elif share > 0.0 and repeats >= FROZEN_REPEATS and travel_m > FROZEN_TRAVEL_M:
+        problem = f"the same scan {repeats + 1} times while the robot moves"
+    elif share > 0.0 and previous is not None and previous.problem is None and travel_m > REPEATED_TRAVEL_M:
+        return previous._replace(repeats=repeats)
+    elif not view.is_whole and not view.free_m.any():
+        problem = "no reading that the profile explains"
+    elif not (has_returned or in_the_open):
         problem = "no return since the start; set works_in_the_open = true if that is normal here"
-    repeats, since_m = 0, moment.travelled_m
-    if previous is not None and problem is None:
-        if previous.ranges.tobytes() == scan.ranges.tobytes():
-            repeats, since_m = previous.repeats + 1, previous.travelled_m
-        travel_m = moment.travelled_m - since_m
-        if share > 0.0 and repeats >= FROZEN_REPEATS and travel_m > FROZEN_TRAVEL_M:
-            problem = f"the same scan {repeats + 1} times while the robot moves"
-        elif share > 0.0 and travel_m > REPEATED_TRAVEL_M and previous.problem is None:
-            return previous._replace(repeats=repeats)
-        elif previous.return_share >= BLANK_AFTER_SHARE and share < BLANK_DROP * previous.return_share:
-            problem, share = "nearly all returns disappeared from one scan to the next", previous.return_share
     far_m = hull.radius_m + reach_m + math.hypot(lidar.mount.x_m, lidar.mount.y_m)
     around, nearest_m, bearing_rad = _within(far_m, hull, rays, distance_m, hits)
     if problem is not None:
@@ -262,6 +265,18 @@ def read_scan(
         share,
         has_returned,
     )
+
+
+def _repetition(previous: ScanReading | None, scan: LaserScan, moment: Moment) -> tuple[int, float]:
+    """Return how often the scan repeats the previous one, and the distance travelled at the first of these scans."""
+    if previous is None or previous.ranges.tobytes() != scan.ranges.tobytes():
+        return 0, moment.travelled_m
+    return previous.repeats + 1, previous.travelled_m
+
+
+def _is_blank(share: float, previous: ScanReading) -> bool:
+    """Return whether nearly all returns of the previous scan have disappeared."""
+    return previous.return_share >= BLANK_AFTER_SHARE and share < BLANK_DROP * previous.return_share
 
 
 def _invalid_reading(

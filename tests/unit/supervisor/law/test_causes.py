@@ -12,11 +12,13 @@ from supervisor.law.decision import Decision, Mode
 from supervisor.law.model import Command, Inputs, SourceConfig
 from supervisor.law.reckoning import STANDSTILL, Velocity
 from supervisor.law.safety import RELEASED_FACTOR, initial_state
+from supervisor.law.scan import BLANK_SHARE
 from tests.unit.supervisor.law.law_harness import (
     BACK,
     CONFIG,
     FORWARD,
     NEUTRAL,
+    SCAN_TIMEOUT_S,
     SPIN,
     TICK_S,
     UNSEEN_S,
@@ -297,7 +299,7 @@ def test_the_detail_of_scan_invalid_is_the_problem_of_the_scan() -> None:
     law = Law()
     law.drive()
     law.ranges = np.full(360, np.nan, dtype=np.float32)
-    law.tick(("teleop", FORWARD))
+    law.hold(BLANK_SHARE * SCAN_TIMEOUT_S + TICK_S, ("teleop", FORWARD))
     assert law.decision.causes == (StopReason.SCAN_INVALID,)
     assert law.decision.detail == law.decision.scan_problem != ""
     law.ranges = ring()

@@ -9,6 +9,7 @@ import pytest
 from supervisor.law.decision import Mode
 from supervisor.law.model import Odometry
 from supervisor.law.reckoning import STANDSTILL, Velocity
+from supervisor.law.scan import BLANK_SHARE
 from tests.unit.supervisor.law.law_harness import (
     BACK,
     CONFIG,
@@ -167,7 +168,9 @@ def test_a_scan_that_is_all_nan_proves_nothing() -> None:
     law = Law()
     law.drive()
     law.ranges = ring(math.nan)
-    assert law.tick(("teleop", FORWARD)).reasons == (StopReason.SCAN_INVALID,)
+    assert law.hold(BLANK_SHARE * SCAN_TIMEOUT_S + TICK_S, ("teleop", FORWARD)).reasons == (
+        StopReason.SCAN_INVALID,
+    )
 
 
 def test_no_motion_into_a_blocked_sector_and_any_other_stays_free() -> None:

@@ -237,10 +237,18 @@ def test_an_open_field_may_look_the_same_while_the_robot_moves() -> None:
     assert scan.problem is None
 
 
+def test_a_blank_scan_counts_as_missing_for_half_a_timeout() -> None:
+    scan, missing_s = read(full(), taken_s=0.0), LIDAR.timeout_s / 2
+    assert read(full(math.inf), scan, taken_s=missing_s) is scan
+    late = read(full(math.inf), scan, taken_s=math.nextafter(missing_s, 1.0))
+    assert late.problem == BLANK
+    assert read(full(math.inf), late, taken_s=missing_s + 0.05).problem == BLANK
+
+
 def test_a_scan_that_goes_blank_at_once_proves_nothing_until_something_returns() -> None:
-    scan = read(full())
-    for _ in range(50):
-        scan = read(full(math.inf), scan)
+    scan = read(full(), taken_s=0.0)
+    for n in range(50):
+        scan = read(full(math.inf), scan, taken_s=1.0 + 0.05 * n)
         assert scan.problem == BLANK
     stray, back = full(math.inf), full(math.inf)
     stray[:35] = 3.0
@@ -261,8 +269,16 @@ def test_a_room_left_by_and_by_may_end_in_an_open_field() -> None:
 
 
 def test_a_scan_that_proves_nothing_does_not_excuse_the_blank_one_after_it() -> None:
-    scan = read(full(math.inf), read(full(math.nan), read(full())))
-    assert scan.problem == BLANK
+    scan = read(full(math.nan), read(full()), taken_s=1.0)
+    assert read(full(math.inf), scan, taken_s=1.05).problem == BLANK
+
+
+def test_one_blank_scan_between_two_others_is_no_problem() -> None:
+    """99 and 86 returns, and none between them, as on a recording."""
+    before, after = full(math.inf), full(math.inf)
+    before[:99], after[:86] = 3.0, 3.1
+    scan = read(full(math.inf), read(before, taken_s=0.0), taken_s=0.05)
+    assert read(after, scan, taken_s=0.1).problem is None
 
 
 @pytest.mark.parametrize("name", list(PROFILES))
