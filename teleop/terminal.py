@@ -18,7 +18,7 @@ from types import FrameType, TracebackType
 from typing import NoReturn, Protocol, Self
 
 from teleop.guards import Pulse
-from teleop.pilots.keys import CTRL_Z, UNFINISHED, KeyDecoder, ReportKind, as_typed
+from teleop.pilots.keys import CTRL_Z, UNFINISHED, KeyDecoder, ReportKind, TypedKeys
 from teleop.pilots.pilot import KeyEvent
 from teleop.screen.output import FrameWriter
 from teleop.screen.view import Line, Tone
@@ -91,7 +91,7 @@ class Terminal:
         on_answer: Callable[[], None] | None = None,
     ) -> None:
         self._wake, self._on_releases, self._on_answer = wake, on_releases, on_answer
-        self._decoder = KeyDecoder()
+        self._decoder, self._typed_keys = KeyDecoder(), TypedKeys()
         self.ended = False
         self._has_terminal = False
         self._guard: TerminalGuard | None = None
@@ -152,7 +152,7 @@ class Terminal:
         if self._decoder.is_unfinished and self._loop.time() > self._unfinished_s:
             self._unfinished_s = math.inf
             keys.append(KeyEvent(UNFINISHED))
-        return [*signalled, *as_typed(keys)]
+        return [*signalled, *self._typed_keys.take(keys, self._loop.time())]
 
     def show(self, lines: Sequence[Line]) -> bool:
         if not self._flush():

@@ -13,6 +13,7 @@ that says what it is (`NOT_TYPED`); no pilot knows these keys, and what a pilot 
 """
 
 import codecs
+import math
 import re
 import sys
 import unicodedata
@@ -103,11 +104,16 @@ NO_MOTION = frozenset({*COMMANDS, FOCUS_OUT})
 
 MAX_KEYS = 3
 """Maximum number of different keys that a person presses between two reads, also over a slow link."""
+PAUSE_S = 0.1
+"""Keys within this time after input that no person typed are the rest of it, which a link delivered later."""
+TOGETHER_S = 0.03
+"""No person presses more than `MAX_KEYS` different keys within this time of one another."""
 MAX_PARAMETERS = 64
 """Maximum number of parameter characters in a key's sequence."""
 
-_SHIFT, _CTRL = 1, 4
-_KINDS = {2: KeyKind.REPEAT, 3: KeyKind.RELEASE}
+_SHIFT, _CTRL, _FOREIGN = 1, 4, 8 | 16 | 32
+"""Modifiers; the foreign ones (Super, Hyper and Meta) make a key one of the desktop."""
+_KINDS = {0: KeyKind.PRESS, 1: KeyKind.PRESS, 2: KeyKind.REPEAT, 3: KeyKind.RELEASE}
 _BYTES = {"\r": "enter", "\n": "enter", "\t": "tab", "\x7f": "backspace", "\x08": "backspace"}
 _FINALS = {
     "A": "up",
@@ -122,6 +128,10 @@ _FINALS = {
     "S": "f4",
     "Z": "tab",
 }
+_STRINGS = "P]X^_"
+"""After ESC: the beginning of a string of any characters, such as a reply with a colour or the terminal's name."""
+_C1 = {chr(ord(char) + 0x40): ESCAPE + char for char in "[O" + _STRINGS}
+"""The same introducers as one character, from terminals with 8-bit controls."""
 _REPORTS = re.compile(r"I|[?>]?[0-9;]+[cnRt]")
 """Parameters and final bytes of reports that are not keys: focus, identification, status, cursor and size."""
 _MODIFIER_KEYS = frozenset({*range(57358, 57361), *range(57441, 57455)})
@@ -167,16 +177,33 @@ class _State(Enum):
     """After ESC O: one byte."""
 
 
-def as_typed(events: Sequence[KeyEvent]) -> Sequence[KeyEvent]:
-    """Return the key events of one read, or one pseudo key if no person typed them, with the keys that always count.
+class TypedKeys:
+    """Replaces the key events of a read by one pseudo key if no person typed them, with the keys that always count.
 
-    More than `MAX_KEYS` different keys were pasted. An unknown sequence may continue in characters, as a mouse report does.
+    More than `MAX_KEYS` different keys at once were pasted. An unknown sequence may continue in characters, as a mouse report
+    does. Both last until a pause, because a link may cut them into several reads.
     """
-    keys = {event.key for event in events if event.kind is KeyKind.PRESS} - ALWAYS_KEYS
-    if len(keys) <= MAX_KEYS and UNKNOWN not in keys:
-        return events
-    why = UNKNOWN if UNKNOWN in keys else SEVERAL
-    return [KeyEvent(why), *(event for event in events if event.key in ALWAYS_KEYS)]
+
+    def __init__(self) -> None:
+        self._why, self._keys = "", frozenset[str]()
+        """Why the newest keys were not typed, and which different keys were pressed together."""
+        self._last_s = -math.inf
+
+    def take(self, events: Sequence[KeyEvent], now_s: float) -> Sequence[KeyEvent]:
+        if not events:
+            return events
+        pause_s, self._last_s = now_s - self._last_s, now_s
+        keys = {event.key for event in events if event.kind is KeyKind.PRESS} - ALWAYS_KEYS
+        self._keys = keys | (self._keys if pause_s <= TOGETHER_S else set())
+        if pause_s > PAUSE_S:
+            self._why = ""
+        if UNKNOWN in keys:
+            self._why = UNKNOWN
+        elif len(self._keys) > MAX_KEYS:
+            self._why = self._why or SEVERAL
+        if not self._why:
+            return events
+        return [KeyEvent(self._why), *(event for event in events if event.key in ALWAYS_KEYS)]
 
 
 class KeyDecoder:
@@ -201,6 +228,7 @@ class KeyDecoder:
             chr(ord(char) & 0xFF) if "\udc80" <= char <= "\udcff" else char
             for char in self._utf8.decode(data)
         )
+        chars = (part for char in chars for part in _C1.get(char, char))
         return [event for char in chars for event in self._take(SPACE if _is_space(char) else char)]
 
     def _take(self, char: str) -> Iterator[KeyEvent | Report]:
@@ -223,7 +251,7 @@ class KeyDecoder:
             self._state = {"[": _State.CSI, "O": _State.SS3}.get(char, _State.GROUND)
             self._parameters = ""
             if self._state is _State.GROUND:
-                yield from self._typed(char)
+                yield from [KeyEvent(UNKNOWN)] if char in _STRINGS else self._typed(char)
         elif state is _State.SS3:
             yield from self._typed(_FINALS.get(char, UNKNOWN))
         elif "@" <= char <= "~":
@@ -270,14 +298,17 @@ def _sequence(parameters: str, final: str) -> KeyEvent | Report | None:
         key = PASTED if parameters == "200" else f"~{fields[0][0]}"
     else:
         key = _FINALS.get(final, UNKNOWN)
-    return None if key is None else KeyEvent(key, kind)
+    if key is None:
+        return None
+    is_foreign = event not in _KINDS or (held & _FOREIGN and kind is not KeyKind.RELEASE)
+    return KeyEvent(UNKNOWN if is_foreign and key not in ALWAYS_KEYS else key, kind)
 
 
 def _key(codes: list[int], modifiers: int, kind: KeyKind) -> str | None:
     """Return the key of a code, with its alternatives (shifted, and on the US layout) if they are reported.
 
-    Only the question mark is taken from the shifted alternative, because its key differs between layouts. Its release is
-    that of the unshifted key: Shift may have been pressed after the key, and then the release must end that key's press.
+    Only the question mark is taken from the shifted alternative, because its key differs between layouts. A release is that
+    of the key alone: Shift or Ctrl may have been pressed after the key, and then the release must end that key's press.
     """
     code = codes[0]
     if any(_is_space(chr(code)) for code in codes if 0 < code <= sys.maxunicode):
@@ -289,7 +320,7 @@ def _key(codes: list[int], modifiers: int, kind: KeyKind) -> str | None:
     if code in _MODIFIER_KEYS:
         return None
     char = chr(code) if 0x20 <= code < 0x7F else ""
-    if modifiers & _CTRL and "@" <= char.upper() <= "_":
+    if modifiers & _CTRL and kind is not KeyKind.RELEASE and "@" <= char.upper() <= "_":
         return chr(ord(char.upper()) & 0x1F)
     if char:
         return char.upper() if modifiers & _SHIFT else char

@@ -1,7 +1,9 @@
 """The terminal's bytes -> keys, and the meaning of each key."""
 
+import math
 import sys
 import unicodedata
+from collections.abc import Sequence
 
 import pytest
 from hypothesis import given
@@ -16,15 +18,17 @@ from teleop.pilots.keys import (
     FOCUS_OUT,
     MAX_PARAMETERS,
     PASTED,
+    PAUSE_S,
     PLAIN,
     SEVERAL,
+    TOGETHER_S,
     UNFINISHED,
     UNKNOWN,
     Command,
     KeyDecoder,
     Report,
     ReportKind,
-    as_typed,
+    TypedKeys,
     level_of,
     name_of,
 )
@@ -40,6 +44,23 @@ def keys(data: bytes) -> list[str]:
     events = KeyDecoder().feed(data)
     assert all(isinstance(event, KeyEvent) and event.kind is PRESS for event in events)
     return [event.key for event in events if isinstance(event, KeyEvent)]
+
+
+def as_typed(events: Sequence[KeyEvent]) -> Sequence[KeyEvent]:
+    """The events of one read after a pause."""
+    return TypedKeys().take(events, 0.0)
+
+
+def typed_apart(data: bytes, gap_s: float) -> list[str]:
+    """The keys of single bytes that are read one by one."""
+    decoder, typed = KeyDecoder(), TypedKeys()
+    return [
+        event.key
+        for number, byte in enumerate(data)
+        for event in typed.take(
+            [event for event in decoder.feed(bytes([byte])) if isinstance(event, KeyEvent)], number * gap_s
+        )
+    ]
 
 
 FRAGMENTS = (
@@ -301,6 +322,71 @@ def test_more_different_keys_in_one_read_are_none(pasted: str) -> None:
 def test_the_position_in_a_mouse_report_is_no_key() -> None:
     events = [event for event in KeyDecoder().feed(b"\x1b[M`ww") if isinstance(event, KeyEvent)]
     assert as_typed(events) == [KeyEvent(UNKNOWN)]
+
+
+STRING_REPLIES = [
+    b"\x1b]11;rgb:dada/dada/dada\x1b\\",
+    b"\x1b]11;rgb:dada/dada/dada\a",
+    b"\x1bP>|xterm(370)\x1b\\",
+    b"\x1b_Gi=31;wax\x1b\\",
+    b"\x1b^w\x1b\\",
+    b"\x90>|xterm\x9c",
+    b"\xc2\x9d11;rgb:dada\a",
+]
+"""Replies that another program asked for: a colour, the terminal's name, a picture."""
+
+
+@pytest.mark.parametrize("gap_s", [0.0, PAUSE_S / 3])
+@pytest.mark.parametrize(
+    "report",
+    [*STRING_REPLIES, b"\x1b[Maw2", b"\x1b[[A", b"\x1bO5D", b"\x1b[<0;87;18M"],
+    ids=repr,
+)
+def test_no_part_of_an_unknown_sequence_is_a_key_however_a_link_cuts_it(report: bytes, gap_s: float) -> None:
+    assert set(typed_apart(report, gap_s)) == {UNKNOWN}
+
+
+def test_a_key_counts_just_after_the_pause_that_ends_an_unknown_sequence() -> None:
+    typed, unknown, key = TypedKeys(), [KeyEvent(UNKNOWN)], [KeyEvent("w")]
+    assert typed.take(unknown, 0.0) == unknown
+    assert typed.take([], PAUSE_S) == []
+    assert typed.take(key, PAUSE_S) == unknown
+    assert typed.take(key, 2 * PAUSE_S) == unknown
+    assert typed.take(key, math.nextafter(3 * PAUSE_S, 1.0)) == key
+
+
+def test_the_end_of_pasted_text_that_is_read_later_is_no_key() -> None:
+    typed = TypedKeys()
+    assert typed.take([KeyEvent(key) for key in "forward"], 0.0) == [KeyEvent(SEVERAL)]
+    assert typed.take([KeyEvent("w"), KeyEvent(" ")], PAUSE_S) == [KeyEvent(SEVERAL), KeyEvent(" ")]
+
+
+def test_a_text_that_arrives_byte_by_byte_is_pasted_from_the_fourth_different_key_on() -> None:
+    assert typed_apart(b"wadx", TOGETHER_S / 2) == ["w", "a", "d", SEVERAL]
+    assert typed_apart(b"wwwwwwad", TOGETHER_S / 2) == list("wwwwwwad")
+    assert typed_apart(b"wadx", 2 * TOGETHER_S) == list("wadx")
+
+
+@pytest.mark.parametrize("eight_bit", [b"\x9b{}", b"\xc2\x9b{}"])
+def test_eight_bit_controls_begin_the_same_sequences(eight_bit: bytes) -> None:
+    for rest in (b"A", b"1;5D", b"119;1u", b"0n", b"200~w"):
+        assert KeyDecoder().feed(eight_bit.replace(b"{}", rest)) == KeyDecoder().feed(b"\x1b[" + rest)
+    assert keys(b"\x8fD") == keys(b"\x1bOD") == ["left"]
+
+
+@pytest.mark.parametrize("parameters", [b"119;1:4", b"119;9", b"119;17:1", b"119;33:2", b"119;73"])
+def test_an_unknown_event_and_a_key_of_the_desktop_are_unknown(parameters: bytes) -> None:
+    event, *more = KeyDecoder().feed(b"\x1b[" + parameters + b"u")
+    assert isinstance(event, KeyEvent)
+    assert (event.key, more) == (UNKNOWN, [])
+
+
+@pytest.mark.parametrize("modifiers", range(1, 257))
+@pytest.mark.parametrize("key", ["u", "i", "o", "j", "l", "m", ",", "."])
+def test_a_release_with_any_modifiers_ends_the_motion_of_its_key(key: str, modifiers: int) -> None:
+    (event,) = KeyDecoder().feed(f"\x1b[{ord(key)};{modifiers}:3u".encode())
+    assert isinstance(event, KeyEvent)
+    assert (event.key.lower(), event.kind) == (key, RELEASE)
 
 
 def test_releases_of_many_keys_are_no_keys() -> None:
