@@ -110,9 +110,11 @@ _TYPES: tuple[type[Message], ...] = (
 def _definitions() -> Typesdict:
     """Return the definitions of the types: those in .msg files, and the Trigger service's response."""
     folder = Path(__file__).with_name("msg")
-    definitions = get_types_from_msg((folder / "ros.msg").read_text(), Bool.__msgtype__)
+    definitions = get_types_from_msg((folder / "ros.msg").read_text("utf-8"), Bool.__msgtype__)
     for name in ("SourceStatus", "EstopStationStatus", "SafetyStatus", "EstopLease"):
-        definitions |= get_types_from_msg((folder / f"{name}.msg").read_text(), f"lifeline_msgs/msg/{name}")
+        definitions |= get_types_from_msg(
+            (folder / f"{name}.msg").read_text("utf-8"), f"lifeline_msgs/msg/{name}"
+        )
     # The parser supports only messages; a service's response is a message with another type name.
     (trigger,) = get_types_from_msg("bool success\nstring message", "std_srvs/msg/Trigger").values()
     definitions[TriggerResponse.__msgtype__] = trigger
