@@ -170,7 +170,8 @@ TRIES = 20
 LOST_PERIOD_S = 1.0
 """Period of the requests to a terminal that no longer replies."""
 SETTLING_S = 1.0
-"""On a terminal that never replies, keys count as old for this long after a doubt: a link that comes back delivers them at once."""
+"""On a terminal that never replies, or too often, keys count as old for this long after a doubt: a link that comes back
+delivers them at once."""
 
 
 class Pulse:
@@ -178,7 +179,8 @@ class Pulse:
 
     A hung ssh session accepts output until its buffers are full. Meanwhile the operator sees a frozen picture, and the
     keys do not arrive. Therefore each picture includes a status request (DSR), which practically every terminal answers.
-    A terminal that has never replied cannot be checked.
+    A terminal that has never replied cannot be checked. One that replies more often than it is asked, such as a terminal that
+    two browsers show, proves less: its surplus may count for requests that it has not received.
 
     Keys and replies arrive in one stream. A key behind the reply to a request was typed after the terminal had received
     this request and the picture before it. After a doubt, only keys behind the reply to a later request are live
@@ -191,6 +193,8 @@ class Pulse:
         self._answered_s, self._proven_s = math.nan, math.nan
         """Arrival of the newest reply, and the send time of its request."""
         self._asked_s, self._doubted_s = -math.inf, -math.inf
+        self._has_surplus = False
+        """Whether a reply came that no request explains."""
 
     @property
     def answers(self) -> bool:
@@ -216,6 +220,8 @@ class Pulse:
         """Take a reply; one without a request proves nothing."""
         if self._open_s:
             self._answered_s, self._proven_s = now_s, self._open_s.popleft()
+        else:
+            self._has_surplus = True
 
     def is_lost(self, now_s: float) -> bool:
         """Return whether a terminal that has replied before no longer does."""
@@ -229,6 +235,7 @@ class Pulse:
 
     def is_live(self, now_s: float) -> bool:
         """Return whether a key that arrives next in the stream was typed after the newest doubt."""
-        if self.answers:
-            return self._proven_s > self._doubted_s
-        return now_s - self._doubted_s > SETTLING_S
+        is_settled = now_s - self._doubted_s > SETTLING_S
+        if not self.answers:
+            return is_settled
+        return self._proven_s > self._doubted_s and (is_settled or not self._has_surplus)

@@ -127,6 +127,22 @@ async def test_keys_that_a_link_delivers_after_a_stop_of_teleop_are_void_althoug
         await void_until_a_later_picture_is_answered(h, op)
 
 
+async def test_a_key_typed_before_the_first_picture_was_seen_requests_no_motion() -> None:
+    """It was typed blind, for example after the command line over a slow link."""
+    settle = (
+        f"from teleop import __main__, guards, service; guards.SETTLING_S = service.HANG_S = {2 * LIMIT_S}"
+    )
+    endpoint = free_endpoint()
+    command = ("-c", f"{settle}; __main__.main()")
+    async with hub(endpoint) as h, operator(endpoint, command=command, answers=False) as op:
+        await ready(h, op)
+        op.type(b"w")
+        await until(lambda: "while the screen was not seen" in op.picture)
+        assert set(h.velocities) == {ZERO}
+        op.answer_all()
+        await until(lambda: op.type(b"w") or not h.asks(*ZERO))
+
+
 @pytest.mark.timed
 @pytest.mark.parametrize("stalled_s", [0.05, 0.2, 0.5])
 async def test_keys_typed_during_a_short_stall_of_the_link_all_count(stalled_s: float) -> None:

@@ -448,13 +448,26 @@ def test_on_a_terminal_that_never_answers_keys_are_live_just_after_the_settling_
     assert pulse.is_live(math.nextafter(5.0 + SETTLING_S, 9.0))
 
 
+def test_keys_on_a_terminal_that_replies_twice_are_live_just_after_the_settling_time() -> None:
+    pulse = answering()
+    pulse.answer(0.0)
+    pulse.doubt(5.0)
+    pulse.ask(5.1)
+    pulse.answer(5.2)
+    assert not pulse.is_live(5.0 + SETTLING_S)
+    assert pulse.is_live(math.nextafter(5.0 + SETTLING_S, 9.0))
+
+
 class DeadLink:
     """A terminal behind a link that is dead for a while; either side's bytes of that time arrive in order once it heals.
 
     Ten times a second, the program asks if a request is due, and doubts a terminal that is lost.
     """
 
-    def __init__(self, delays_s: tuple[float, float], dead_s: tuple[float, float], typed_s: float) -> None:
+    def __init__(
+        self, delays_s: tuple[float, float], dead_s: tuple[float, float], typed_s: float, *, replies: int = 1
+    ) -> None:
+        self._replies = replies
         self._delays_s, self._dead_s, self.typed_s = delays_s, dead_s, typed_s
         self._newest_s = [0.0, 0.0]
         self._events, self._count = list[tuple[float, int, str]](), 0
@@ -488,7 +501,8 @@ class DeadLink:
                         self.doubted_s = now_s
                         self.pulse.doubt(now_s)
                 case "request shown":
-                    self._over(1, now_s, "reply")
+                    for _ in range(self._replies):
+                        self._over(1, now_s, "reply")
                 case "key typed":
                     self._over(1, now_s, "key")
                 case "reply":
@@ -502,19 +516,22 @@ class DeadLink:
     delays_s=st.tuples(st.floats(0.0, 0.3), st.floats(0.0, 0.3)),
     dead_s=st.floats(0.0, 30.0),
     typed_s=st.floats(1.0, 35.0),
+    replies=st.integers(1, 3),
 )
 def test_no_key_that_was_typed_before_a_doubt_is_live_whenever_a_dead_link_delivers_it(
-    delays_s: tuple[float, float], dead_s: float, typed_s: float
+    delays_s: tuple[float, float], dead_s: float, typed_s: float, replies: int
 ) -> None:
-    DeadLink(delays_s, (2.0, 2.0 + dead_s), typed_s).run()
+    DeadLink(delays_s, (2.0, 2.0 + dead_s), typed_s, replies=replies).run()
 
 
-@given(dead_s=st.floats(0.5, 30.0), delay_s=st.floats(0.0, 0.3))
-def test_a_key_that_is_typed_on_the_live_screen_counts_again(dead_s: float, delay_s: float) -> None:
+@given(dead_s=st.floats(0.5, 30.0), delay_s=st.floats(0.0, 0.3), replies=st.integers(1, 3))
+def test_a_key_that_is_typed_on_the_live_screen_counts_again(
+    dead_s: float, delay_s: float, replies: int
+) -> None:
     healed_s = 2.0 + dead_s
     before = DeadLink((delay_s, delay_s), (2.0, healed_s), math.nextafter(healed_s, 0.0))
     before.run()
     assert before.was_live is False
-    after = DeadLink((delay_s, delay_s), (2.0, healed_s), healed_s + 4.0)
+    after = DeadLink((delay_s, delay_s), (2.0, healed_s), healed_s + 4.0, replies=replies)
     after.run()
     assert after.was_live
