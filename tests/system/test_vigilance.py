@@ -74,7 +74,11 @@ async def test_behind_a_dead_link_to_a_terminal_that_answers_nothing_the_robot_d
         await until(lambda: f"at most {LIMIT_M_S} m/s" in op.output or str(LIMIT_M_S) in op.picture)
         driven_s = await until(lambda: h.asks(*ZERO))
         assert LIMIT_M_S * driven_s <= DEAD_LINK_M
-        assert "no key was pressed on demand" in op.output or "no key was pressed on demand" in op.picture
+        await until(
+            lambda: (
+                "no key was pressed on demand" in op.output or "no key was pressed on demand" in op.picture
+            )
+        )
 
 
 async def test_the_display_of_one_line_asks_the_terminal_too_and_drives_at_full_speed_if_it_answers() -> None:
