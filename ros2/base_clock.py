@@ -30,8 +30,6 @@ OFFSET_LIMIT_S = 0.1
 """With `now`, a larger offset is reported: it is a large part of the timeout of a usual base (0.25 to 0.5 s)."""
 REPORTED_S = 30.0
 """How long a change of the offset is reported: long enough to find it after the stop that it caused."""
-MAX_STAMP_NS = (2**31 - 1) * 1_000_000_000
-"""The largest time of a ROS message in whole seconds."""
 ODOM_DEPTH = 64
 """Number of messages of odometry that wait for `BaseClock.hear`."""
 EPOCH = b"odom"
@@ -104,7 +102,7 @@ class BaseClock:
             case "now":
                 return wall_ns
             case "base":
-                return min(max(0, wall_ns + round(self.ahead_s * 1e9)), MAX_STAMP_NS)
+                return min(max(0, wall_ns + round(self.ahead_s * 1e9)), cdr.MAX_TIME_NS)
 
     def shown(self, now_s: float) -> str:
         """Return the state of the base's clock, for the report."""

@@ -17,6 +17,9 @@ from wire.ros import Twist, Vector3
 
 LITTLE_ENDIAN = b"\0\1\0\0"
 MAX_PADDING = 3
+SECOND_NS = 1_000_000_000
+MAX_TIME_NS = (2**31 - 1) * SECOND_NS
+"""The largest time of a ROS message in whole seconds."""
 TRUE = LITTLE_ENDIAN + b"\1"
 """The payload of a `std_msgs/msg/Bool` that is true."""
 _TWIST = struct.Struct("<4s6d")
@@ -118,13 +121,18 @@ class Writer:
             time_ns: its stamp; 0: none.
             frame_id: its frame.
         """
-        seconds, nanoseconds = divmod(time_ns, 1_000_000_000)
+        seconds, nanoseconds = time_of(time_ns)
         self.value("i", seconds)
         self.value("I", nanoseconds)
         self.text(frame_id)
 
     def payload(self) -> bytes:
         return LITTLE_ENDIAN + bytes(self._body)
+
+
+def time_of(time_ns: int) -> tuple[int, int]:
+    """Return the seconds and nanoseconds of a `builtin_interfaces/msg/Time`: of a time outside of 1901 to 2038, the nearest one."""
+    return divmod(min(max(-MAX_TIME_NS, time_ns), MAX_TIME_NS), SECOND_NS)
 
 
 def _is_little_endian(payload: bytes) -> bool:

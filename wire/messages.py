@@ -261,8 +261,7 @@ def definition(type_name: str) -> Definition:
 
 def header(frame_id: str, time_ns: int | None = None) -> Header:
     """Return a header stamped with `time_ns`, else with the wall clock; for people and recordings, not for safety rules."""
-    seconds, nanoseconds = divmod(time.time_ns() if time_ns is None else time_ns, 1_000_000_000)
-    return Header(Time(seconds, nanoseconds), frame_id)
+    return Header(Time(*cdr.time_of(time.time_ns() if time_ns is None else time_ns)), frame_id)
 
 
 def laser_scan(

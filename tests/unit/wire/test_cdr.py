@@ -44,6 +44,17 @@ PADDING_COUNT = b"\x00\x01\x00\x03"
 NAME = st.text(st.characters(blacklist_categories=["Cs"]), max_size=9)
 
 
+@pytest.mark.parametrize("year", [1700, 1969, 1970, 2026, 2038, 2042, 2250])
+def test_a_header_gets_the_nearest_time_that_ros_can_hold_in_any_year(
+    year: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_ns = round((year - 1970) * 365.25 * 86400) * 10**9
+    nearest_ns = min(max(-cdr.MAX_TIME_NS, now_ns), cdr.MAX_TIME_NS)
+    assert cdr.header_ns_of(cdr.twist_stamped(cdr.STANDSTILL, now_ns, "")) == nearest_ns
+    monkeypatch.setattr("time.time_ns", lambda: now_ns)
+    assert cdr.header_ns_of(encode(_odometry("odom", "base_link", planar_twist(0.0, 0.0)))) == nearest_ns
+
+
 def _odometry(frame_id: str, child: str, twist: Twist) -> Odometry:
     pose = Pose(Point(1.0, 2.0, 3.0), Quaternion(0.0, 0.0, 0.0, 1.0))
     return Odometry(
