@@ -48,7 +48,8 @@ class BaseClock:
         self._header = HeaderClock()
         self._heard = 0
         """Number of stamped messages of odometry."""
-        self._confirmed_s = -math.inf
+        self._proven_s = self._confirmed_s = -math.inf
+        """When the offset was last proven anew, and confirmed."""
         self._lost_s = -math.inf
         """When a proven offset was last lost."""
         self._lost_ahead_s = 0.0
@@ -61,13 +62,15 @@ class BaseClock:
             return
         self._header.hear(stamp_ns, arrival_s)
         was_proven, ahead_s = self._track.proven, self.ahead_s
-        if was_proven and arrival_s - self._confirmed_s > SILENT_S:
+        if was_proven and arrival_s - max(self._proven_s, self._confirmed_s) > SILENT_S:
             self._track = Track()
         self._heard += 1
         sent = Sent(EPOCH, self._heard, (stamp_ns - odometry.clock_ns) * 1e-9)
         self._track, verdict, _ = judge(self._track, sent, arrival_s, STABLE_S)
         if verdict is Verdict.FRESH:
             self._confirmed_s = arrival_s
+        if self._track.proven and not was_proven:
+            self._proven_s = arrival_s
         if was_proven and not self._track.proven:
             self._lost_s, self._lost_ahead_s = arrival_s, ahead_s
 

@@ -152,6 +152,19 @@ def test_a_pause_of_odometry_does_not_stop_the_robot_but_a_long_silence_does() -
     assert not base.clock.may_move(base.now_s + SILENT_S + 1e-6)
 
 
+@pytest.mark.parametrize("burst_s", [0.1, 0.3, 0.4])
+def test_odometry_in_bursts_that_are_shorter_than_a_silence_shows_the_clock(burst_s: float) -> None:
+    base = Base()
+    for _ in range(5):
+        began_s, base.now_s = base.now_s, base.now_s + burst_s
+        for n in range(1, round(burst_s / PERIOD_S) + 1):
+            base.clock.hear(odometry(WALL_S + 5.0 + began_s + n * PERIOD_S, base.now_s))
+    assert base.clock.may_move(base.now_s)
+    assert base.clock.ahead_s == pytest.approx(5.0, abs=1e-4)
+    base.now_s += burst_s
+    assert base.clock.may_move(base.now_s)
+
+
 def test_after_a_silence_the_offset_is_proven_anew() -> None:
     base = Base().run(5.0, ahead_by(0.0))
     base.now_s += SILENT_S + 1.0
