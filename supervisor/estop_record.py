@@ -29,7 +29,7 @@ from enum import Enum, auto
 from pathlib import Path
 from typing import NamedTuple
 
-from wire.ownership import make_directory, open_own, refusal
+from wire.ownership import make_directory, open_lock, open_own, refusal
 from wire.text import printable
 
 _log = logging.getLogger(__name__)
@@ -240,7 +240,7 @@ class RecordFiles:
         if self._is_own():
             return
         self.close()
-        file = open_own(self._lock, os.O_RDWR | os.O_CREAT, 0o644)
+        file = open_lock(self._lock)
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:

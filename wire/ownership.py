@@ -68,6 +68,14 @@ def open_own(path: str | Path, flags: int, mode: int = 0o666) -> int:
     return os.open(path, flags | os.O_NOFOLLOW | os.O_CLOEXEC, mode)
 
 
+def open_lock(path: Path) -> int:
+    """Open the file of a lock, and make it if it is missing; other users may not read it, since who can open it can hold the lock."""
+    file = open_own(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
+    with suppress(PermissionError):  # a file system without permissions
+        os.fchmod(file, 0o600)
+    return file
+
+
 def _open_to_all(path: Path) -> Iterator[Path]:
     """Yield the path, the directories above it and those behind each of their links that are in a directory where everyone can write."""
     parts = (path, *path.parents)

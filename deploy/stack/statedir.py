@@ -14,7 +14,7 @@ from deploy.stack.errors import DeployError
 from wire.foreign import ForeignError, from_json, read_text
 from wire.host.config import ConfigError, absolute
 from wire.host.state_directory import ENVIRONMENT, state_directory
-from wire.ownership import make_directory, open_own, refusal
+from wire.ownership import make_directory, open_lock, refusal
 
 MAX_PID = 1 << 22
 SOCKET_PATH_LIMIT = 99
@@ -150,7 +150,7 @@ def locked(state: StateDir, command: str) -> Generator[None]:
         UnwritableError: the lock file cannot be opened.
     """
     try:
-        lock = os.fdopen(open_own(state.lock, os.O_RDWR | os.O_CREAT | os.O_APPEND), "a+b", buffering=0)
+        lock = os.fdopen(open_lock(state.lock), "a+b", buffering=0)
     except OSError as error:
         raise UnwritableError(state, error) from error
     with lock as file:

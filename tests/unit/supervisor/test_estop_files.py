@@ -372,6 +372,23 @@ def test_a_press_at_a_second_supervisor_is_recorded_all_the_same(files: RecordFi
     assert files.read()
 
 
+@pytest.mark.parametrize("earlier_mode", [None, 0o644])
+def test_another_user_cannot_hold_the_lock_in_a_directory_that_everyone_may_enter(
+    earlier_mode: int | None, tmp_path: Path
+) -> None:
+    directory, umask = tmp_path / "state", os.umask(0o022)
+    try:
+        directory.mkdir(mode=0o755)
+        if earlier_mode is not None:
+            (directory / "estop-robot.lock").touch(earlier_mode)
+        files = RecordFiles(directory, ROBOT)
+        assert not files.read()
+        files.close()
+        assert (directory / "estop-robot.lock").stat().st_mode & 0o077 == 0
+    finally:
+        os.umask(umask)
+
+
 def test_the_lock_passes_to_the_next_process(files: RecordFiles, tmp_path: Path) -> None:
     files.latch()
     files.close()
