@@ -474,7 +474,7 @@ class EstopRecord:
                     request = request._replace(goal=_Goal.PREPARED)
                 self._disk.prepare()
         except Exception as error:  # noqa: BLE001 - supervision continues, and the status reports the error
-            problem = str(error) or type(error).__name__
+            problem = printable(str(error)) or type(error).__name__
         if problem and problem != self._done.problem:
             _log.warning("%s", problem)
         self._done = _Done(request.number, problem)

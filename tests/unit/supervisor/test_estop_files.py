@@ -11,12 +11,14 @@ import pytest
 
 from supervisor.estop_record import (
     MAX_CHARACTERS,
+    EstopRecord,
     RecordError,
     RecordFiles,
     is_recorded,
     pressed_by,
     record_path,
 )
+from wire.messages import String, encode
 
 ROBOT = "robot"
 
@@ -370,6 +372,16 @@ def test_a_press_at_a_second_supervisor_is_recorded_all_the_same(files: RecordFi
     with pytest.raises(RecordError, match="the e-stop cannot be recorded: another supervisor holds"):
         second.latch()
     assert files.read()
+
+
+def test_a_problem_of_a_directory_with_any_name_fits_into_a_status(tmp_path: Path) -> None:
+    directory = tmp_path / os.fsdecode(b"state\xff\n")
+    directory.mkdir()
+    directory.chmod(0o777)
+    record = EstopRecord(RecordFiles(directory, ROBOT))
+    record.close()
+    assert "state??" in record.problem
+    assert encode(String(record.problem))
 
 
 @pytest.mark.parametrize("earlier_mode", [None, 0o644])
