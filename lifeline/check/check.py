@@ -20,6 +20,7 @@ from supervisor.config import FULL_TURN_SLACK_RAD, NamedLidarSection, Supervisor
 from supervisor.law.decision import Decision
 from wire import topics
 from wire.host.config import BusSection, ConfigError, read_toml
+from wire.text import printable
 
 EXIT_RISKS = 1
 
@@ -209,7 +210,9 @@ def _decision_json(decision: Decision) -> dict[str, Any]:
 
 
 def _print(console: Console, file: Path, report: Report) -> None:
-    console.print(Text(f"{file}: the configuration is valid", style="bold green"), soft_wrap=True)
+    console.print(
+        Text(f"{printable(str(file))}: the configuration is valid", style="bold green"), soft_wrap=True
+    )
     console.print(_lidar_table(report))
     for lidar, view in zip(report.config.all_lidars(), report.lidars, strict=True):
         if view.assumed:

@@ -1,6 +1,7 @@
 """`lifeline check`: the permitted motions and the risks of a configuration."""
 
 import math
+import os
 from functools import cache
 from pathlib import Path
 
@@ -409,3 +410,11 @@ def test_the_exit_codes_are_in_the_help() -> None:
     output = " ".join(CliRunner().invoke(app, ["check", "--help"]).output.split())
     assert "Exit 0 if" in output
     assert "2 if the file is refused" in output
+
+
+def test_a_file_with_any_name_is_checked(tmp_path: Path) -> None:
+    path = tmp_path / os.fsdecode(b"a\xff\x1b.toml")
+    path.write_text("[sim]\n")
+    result = CliRunner().invoke(app, ["check", str(path)])
+    assert result.exit_code == 0
+    assert "a??.toml: the configuration is valid" in result.output
