@@ -28,6 +28,7 @@ from std_srvs.srv import Trigger
 from ros2 import ros
 from ros2.ros import Endpoint
 from ros2.samples import Sample
+from wire.host.pauses import wall_ahead_ns
 
 TYPES: dict[str, Any] = {
     ros.TWIST: Twist,
@@ -97,12 +98,12 @@ class RosNode:
 
         def on_message(payload: bytes, info: dict[str, Any]) -> None:
             arrival_ns = time.monotonic_ns()
-            clock_ns = time.time_ns() - arrival_ns
+            ahead_ns = wall_ahead_ns()
             sequence, arrived = info["publication_sequence_number"], next(arrivals)
             if sequence is None or not 0 < sequence <= MAX_SEQUENCE:  # the middleware does not support it
                 sequence = arrived
-            source_time_ns = info["source_timestamp"] - clock_ns
-            heard(Sample(payload, arrival_ns * 1e-9, source_time_ns, sequence, clock_ns=clock_ns))
+            source_time_ns = info["source_timestamp"] - ahead_ns
+            heard(Sample(payload, arrival_ns * 1e-9, source_time_ns, sequence, clock_ns=ahead_ns))
 
         self._node.create_subscription(
             TYPES[type_name],

@@ -34,6 +34,7 @@ from ros2.rmw_keys import (
 from ros2.ros import Endpoint
 from ros2.samples import Sample
 from wire import cdr
+from wire.host.pauses import wall_ahead_ns
 from wire.inbox import Overheard
 from wire.stamp import Stamp, parse_stamp
 from wire.zenoh.session import ZenohSession
@@ -204,9 +205,9 @@ class RmwZenoh:
         payload, arrival_s = overheard.payload, overheard.arrival_s
         stamp = stamp_of(overheard.attachment)
         if stamp is not None:
-            clock_ns = time.time_ns() - time.monotonic_ns()
-            source_time_ns = stamp.source_time_ns - clock_ns
-            heard(Sample(payload, arrival_s, source_time_ns, stamp.sequence, stamp.gid, clock_ns))
+            ahead_ns = wall_ahead_ns()
+            source_time_ns = stamp.source_time_ns - ahead_ns
+            heard(Sample(payload, arrival_s, source_time_ns, stamp.sequence, stamp.gid, ahead_ns))
             return
         if not needs_stamp:
             heard(Sample(payload, arrival_s, 0, 0))

@@ -1,4 +1,4 @@
-"""Pauses of this process: the time that the machine was suspended, and stalls of the event loop.
+"""The clocks of this process and its pauses: the time that the machine was suspended, and stalls of the event loop.
 
 All ages are measured with CLOCK_MONOTONIC, which stops while the machine is suspended. After a resume, everything
 received before therefore looks fresh. CLOCK_BOOTTIME continues, and without a suspend the difference is constant.
@@ -36,6 +36,17 @@ def read_clocks() -> Clocks:
     if BOOTTIME is None:
         return Clocks(0, 0, 0)
     return Clocks(time.monotonic_ns(), time.clock_gettime_ns(BOOTTIME), time.monotonic_ns())
+
+
+def wall_ahead_ns() -> int:
+    """Return the wall clock of this computer less its monotonic clock [ns].
+
+    Both cannot be read at once. Of three readings, the one that took the least time counts: a thread that is descheduled during
+    one of them would otherwise see a step of the clock.
+    """
+    readings = [(time.monotonic_ns(), time.time_ns(), time.monotonic_ns()) for _ in range(3)]
+    before_ns, wall_ns, _ = min(readings, key=lambda reading: reading[2] - reading[0])
+    return wall_ns - before_ns
 
 
 class SuspendMeter:

@@ -1,5 +1,7 @@
 """Suspends by the clocks, without a false or a missed one, and requests that waited while the process was stopped."""
 
+import itertools
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,6 +15,7 @@ from wire.host.pauses import (
     SuspendMeter,
     never_suspended,
     read_clocks,
+    wall_ahead_ns,
 )
 
 MS = 1_000_000
@@ -118,3 +121,19 @@ def test_requests_may_be_old_until_the_backlog_has_arrived() -> None:
         assert meter.may_be_old(now_s)
     meter.turn(end_s)
     assert not meter.may_be_old(end_s)
+
+
+@pytest.mark.parametrize("read", range(9))
+def test_a_thread_that_is_descheduled_between_two_clocks_sees_no_step(
+    read: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    count, now_ns = itertools.count(), 10**12
+
+    def now() -> int:
+        nonlocal now_ns
+        now_ns += 30_000_000 if next(count) == read else 100
+        return now_ns
+
+    monkeypatch.setattr("time.monotonic_ns", now)
+    monkeypatch.setattr("time.time_ns", lambda: now() + 5 * 10**9)
+    assert abs(wall_ahead_ns() - 5 * 10**9) <= 200
