@@ -18,8 +18,8 @@ from wire.ros import Twist, Vector3
 LITTLE_ENDIAN = b"\0\1\0\0"
 MAX_PADDING = 3
 SECOND_NS = 1_000_000_000
-MAX_TIME_NS = (2**31 - 1) * SECOND_NS
-"""The largest time of a ROS message in whole seconds."""
+MAX_TIME_NS = 2**31 * SECOND_NS - 1
+"""The largest time of a ROS message."""
 TRUE = LITTLE_ENDIAN + b"\1"
 """The payload of a `std_msgs/msg/Bool` that is true."""
 _TWIST = struct.Struct("<4s6d")
