@@ -419,7 +419,10 @@ class EstopRecord:
         try:
             self._found = self._disk.read()
         except Exception as error:  # noqa: BLE001 - after any error, nothing is proven
-            _log.warning("the e-stop record cannot be read or written, so the e-stop is latched: %s", error)
+            _log.warning(
+                "the e-stop record cannot be read or written, so the e-stop is latched: %s",
+                printable(str(error)),
+            )
         if self._found:
             with suppress(Exception):  # only for people
                 self.by = self._disk.description()

@@ -374,7 +374,9 @@ def test_a_press_at_a_second_supervisor_is_recorded_all_the_same(files: RecordFi
     assert files.read()
 
 
-def test_a_problem_of_a_directory_with_any_name_fits_into_a_status(tmp_path: Path) -> None:
+def test_a_problem_of_a_directory_with_any_name_fits_into_a_status_and_the_log(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     directory = tmp_path / os.fsdecode(b"state\xff\n")
     directory.mkdir()
     directory.chmod(0o777)
@@ -382,6 +384,8 @@ def test_a_problem_of_a_directory_with_any_name_fits_into_a_status(tmp_path: Pat
     record.close()
     assert "state??" in record.problem
     assert encode(String(record.problem))
+    assert "state??" in caplog.text
+    assert caplog.text.encode(), "no part of the name is without a character"
 
 
 @pytest.mark.parametrize("earlier_mode", [None, 0o644])

@@ -381,12 +381,12 @@ def test_an_unknown_event_and_a_key_of_the_desktop_are_unknown(parameters: bytes
     assert (event.key, more) == (UNKNOWN, [])
 
 
-@pytest.mark.parametrize("modifiers", range(1, 257))
 @pytest.mark.parametrize("key", ["u", "i", "o", "j", "l", "m", ",", "."])
-def test_a_release_with_any_modifiers_ends_the_motion_of_its_key(key: str, modifiers: int) -> None:
-    (event,) = KeyDecoder().feed(f"\x1b[{ord(key)};{modifiers}:3u".encode())
-    assert isinstance(event, KeyEvent)
-    assert (event.key.lower(), event.kind) == (key, RELEASE)
+def test_a_release_with_any_modifiers_ends_the_motion_of_its_key(key: str) -> None:
+    for modifiers in range(1, 257):
+        (event,) = KeyDecoder().feed(f"\x1b[{ord(key)};{modifiers}:3u".encode())
+        assert isinstance(event, KeyEvent)
+        assert (event.key.lower(), event.kind) == (key, RELEASE), modifiers
 
 
 def test_releases_of_many_keys_are_no_keys() -> None:
