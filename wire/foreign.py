@@ -25,6 +25,8 @@ def read_text(path: Path) -> str:
         OSError: the file cannot be read.
         ForeignError: it is too large, or is not text.
     """
+    if path.is_fifo():
+        raise ForeignError("it is a pipe, and would be waited for")
     with path.open("rb") as file:
         content = file.read(MAX_BYTES + 1)
     if len(content) > MAX_BYTES:

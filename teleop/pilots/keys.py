@@ -214,6 +214,8 @@ class KeyDecoder:
         self._state = _State.GROUND
         self._parameters = ""
         self._is_pasting = False
+        self._is_noted = False
+        """Whether pasted text was reported for this read."""
         self.tells_releases = False
         """Set once the kitty protocol is active. A key that still arrives as a plain character was not pressed."""
 
@@ -229,13 +231,19 @@ class KeyDecoder:
             for char in self._utf8.decode(data)
         )
         chars = (part for char in chars for part in _C1.get(char, char))
+        self._is_noted = False
         return [event for char in chars for event in self._take(SPACE if _is_space(char) else char)]
 
     def _take(self, char: str) -> Iterator[KeyEvent | Report]:
         for event in self._decoded(char):
-            if not self._is_pasting or isinstance(event, Report) or event.key in ALWAYS_KEYS:
+            if isinstance(event, Report) or event.key in ALWAYS_KEYS:
                 yield event
-            self._is_pasting |= event == KeyEvent(PASTED)
+            elif self._is_pasting or event.key == PASTED:  # once for each read, also if the end never arrives
+                self._is_pasting = True
+                yield from () if self._is_noted else (KeyEvent(PASTED),)
+                self._is_noted = True
+            else:
+                yield event
 
     def _decoded(self, char: str) -> Iterator[KeyEvent | Report]:
         state, self._state = self._state, _State.GROUND

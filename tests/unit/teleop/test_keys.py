@@ -259,9 +259,13 @@ def test_every_space_and_ctrl_c_of_the_kitty_protocol_is_a_key_whatever_came_bef
 
 @given(pieces)
 def test_how_the_bytes_are_cut_makes_no_difference(stream: list[bytes]) -> None:
+    """Except that pasted text is reported once for each piece."""
     decoder = KeyDecoder()
     in_pieces = [event for piece in stream for event in decoder.feed(piece)]
-    assert in_pieces == KeyDecoder().feed(b"".join(stream))
+    at_once = KeyDecoder().feed(b"".join(stream))
+    pasted = KeyEvent(PASTED)
+    assert [e for e in in_pieces if e != pasted] == [e for e in at_once if e != pasted]
+    assert (pasted in in_pieces) == (pasted in at_once)
 
 
 def test_bytes_beyond_ascii_are_utf_8_or_else_latin_1() -> None:
@@ -400,6 +404,14 @@ def test_the_keys_that_must_come_through_do_so_among_any_others(events: list[Key
         assert [e for e in as_typed(events) if e.key == key] == [e for e in events if e.key == key]
 
 
+def test_a_paste_whose_end_never_arrives_is_reported_at_each_read() -> None:
+    decoder = KeyDecoder()
+    assert decoder.feed(b"\x1b[200~text") == [KeyEvent(PASTED)]
+    assert decoder.feed(b"more") == [KeyEvent(PASTED)]
+    assert decoder.feed(b"q \x03") == [KeyEvent(PASTED), KeyEvent(" "), KeyEvent("\x03")]
+    assert decoder.feed(b"\x1b[201~w") == [KeyEvent("w")]
+
+
 @given(st.binary(max_size=40).filter(lambda text: b"\x1b" not in text), st.integers(0, 60))
 def test_pasted_text_is_one_key_that_nobody_knows_and_its_spaces_stop(text: bytes, cut: int) -> None:
     data = b"\x1b[200~" + text + b"\x1b[201~w"
@@ -407,7 +419,7 @@ def test_pasted_text_is_one_key_that_nobody_knows_and_its_spaces_stop(text: byte
     found = [event for piece in (data[:cut], data[cut:]) for event in decoder.feed(piece)]
     first, *pasted, last = found
     assert (first, last) == (KeyEvent(PASTED), KeyEvent("w"))
-    assert {event.key for event in pasted if isinstance(event, KeyEvent)} <= {" ", CTRL_C}
+    assert {event.key for event in pasted if isinstance(event, KeyEvent)} <= {" ", CTRL_C, PASTED}
     assert len(pasted) >= text.count(b" ") + text.count(CTRL_C.encode())
 
 

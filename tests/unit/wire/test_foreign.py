@@ -1,5 +1,6 @@
 """JSON and TOML that others wrote: values within bounds, or one kind of error."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -58,3 +59,10 @@ def test_a_file_is_text_of_a_limited_size(tmp_path: Path, monkeypatch: pytest.Mo
     path.write_bytes(bytes((1 << 20) + 1))
     with pytest.raises(ForeignError, match="larger than 1 MiB"):
         read_text(path)
+
+
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    pipe = tmp_path / "robot.toml"
+    os.mkfifo(pipe)
+    with pytest.raises(ForeignError, match="it is a pipe"):
+        read_text(pipe)
