@@ -194,7 +194,8 @@ class TypedKeys:
             return events
         pause_s, self._last_s = now_s - self._last_s, now_s
         keys = {event.key for event in events if event.kind is KeyKind.PRESS} - ALWAYS_KEYS
-        self._keys = keys | (self._keys if pause_s <= TOGETHER_S else frozenset[str]())
+        typed = keys - NOT_TYPED - {FOCUS_OUT}
+        self._keys = typed | (self._keys if pause_s <= TOGETHER_S else frozenset[str]())
         if pause_s > PAUSE_S:
             self._why = ""
         if UNKNOWN in keys:

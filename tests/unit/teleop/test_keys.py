@@ -393,6 +393,11 @@ def test_a_release_with_any_modifiers_ends_the_motion_of_its_key(key: str) -> No
         assert (event.key.lower(), event.kind) == (key, RELEASE), modifiers
 
 
+def test_what_no_person_types_does_not_count_among_different_keys() -> None:
+    events = [KeyEvent(key) for key in (FOCUS_OUT, PLAIN, "i", "l", "q")]
+    assert as_typed(events) == events
+
+
 def test_releases_of_many_keys_are_no_keys() -> None:
     events = [KeyEvent(key, RELEASE) for key in "ijlm"]
     assert as_typed([*events, KeyEvent("i")]) == [*events, KeyEvent("i")]
