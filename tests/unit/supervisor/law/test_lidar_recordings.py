@@ -213,7 +213,7 @@ def _while_moving(recording: Recording, scans: Callable[[int], Ranges]) -> list[
     """Scans by arrival alone while odometry says that the robot moves at 0.3 m/s."""
     state = proven_state(recording.config, now_s=START_S)
     decisions: list[Decision] = []
-    for n in range(40):
+    for n in range(40 + round(recording.config.lidars[0].timeout_s / TICK_S)):
         now_s = START_S + n * TICK_S
         odometry = Odometry(Velocity(0.3, 0.0), now_s)
         velocity = NEUTRAL if n < 5 else SLOW
