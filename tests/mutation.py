@@ -53,6 +53,12 @@ EQUIVALENT = {
     "return hidden[config.hull.clearance(hidden) >= 0.0]  # no object can be inside the hull",
     # The words name the writers only while they conflict.
     "writers=_conflicts(state, now_s) if (StopReason.SENSOR_CONFLICT in causes) or True else (),",
+    # Both have one entry for each lidar.
+    "for lidar, state in zip(config.lidars, sight.lidars, ):",
+    # A base that stands is not faster than permitted: this only saves time.
+    "around.clearance_m.take(closed_on), barrier, present * closing if (present > 0.0) or True else None",
+    # The first sample of a stop follows one at nearly the mean speed, and replaces it.
+    "return braking._replace(mean_m_s=mean_m_s, stopping=stopping, first_m_s=None, way_m=0.0)",
     # Nothing was lost either.
     "source = source._replace(lost=None)  # another run commands now",
     # Then the hidden places are looked for at each tick: the same ones.

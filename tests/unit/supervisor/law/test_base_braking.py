@@ -172,3 +172,61 @@ def test_only_the_last_stops_are_kept() -> None:
         braking = stop(braking, deceleration_m_s2=1.0 + 0.01 * number, period_s=0.05)
     assert len(braking.shown_m_s2) == KEPT
     assert bound_m_s2(braking) == pytest.approx(1.0 + 0.01 * (KEPT + 1))
+
+
+def samples(
+    braking: Braking, speeds_m_s: list[float], *, start_s: float = 0.0, gap_s: float = 0.05
+) -> Braking:
+    """Zero is commanded, and odometry shows these speeds."""
+    for number, speed_m_s in enumerate(speeds_m_s, start=1):
+        at_s = start_s + number * gap_s
+        braking = measure(braking, speed_m_s, at_s, is_driven=False, standing_m_s=STANDING_M_S)
+    return braking
+
+
+def driven(speed_m_s: float, *, mean_m_s: float | None = None, way_m: float = 0.0) -> Braking:
+    """The base drove at this speed until the time 0."""
+    mean_m_s = speed_m_s if mean_m_s is None else mean_m_s
+    before = Braking(mean_m_s=mean_m_s, way_m=way_m, last_m_s=speed_m_s, last_s=-0.05)
+    return measure(before, speed_m_s, 0.0, is_driven=True, standing_m_s=STANDING_M_S)
+
+
+@pytest.mark.parametrize(
+    ("mean_m_s", "stopping"), [(LEAST_SPEED_M_S, True), (math.nextafter(LEAST_SPEED_M_S, 0.0), False)]
+)
+def test_a_stop_from_the_least_speed_is_measured(mean_m_s: float, *, stopping: bool) -> None:
+    before = Braking(mean_m_s=mean_m_s, last_m_s=mean_m_s, last_s=0.0)
+    assert measure(before, mean_m_s, 0.02, is_driven=True, standing_m_s=STANDING_M_S).stopping is stopping
+
+
+def test_a_gap_of_the_longest_time_is_measured() -> None:
+    braking = driven(1.0)
+    for gap_s, stopping in ((LONGEST_GAP_S, True), (math.nextafter(LONGEST_GAP_S, 1.0), False)):
+        after = measure(braking, 0.8, gap_s, is_driven=False, standing_m_s=STANDING_M_S)
+        assert after.stopping is stopping
+
+
+def test_the_way_of_an_earlier_stop_does_not_count() -> None:
+    braking = samples(driven(1.0, way_m=0.5), [0.0])
+    assert braking.shown_m_s2 == ()
+
+
+def test_a_stop_begins_again_if_the_base_is_fast_again() -> None:
+    braking = samples(driven(1.0), [0.8, 0.7, 0.95, 0.8, 0.6, 0.4, 0.0])
+    # From 0.8 to 0.4 m/s within two samples of 0.05 s.
+    assert braking.shown_m_s2 == pytest.approx([(0.8**2 - 0.4**2) / 2 / 0.06])
+
+
+def test_a_stop_without_a_loss_of_speed_has_no_result() -> None:
+    assert samples(driven(1.0), [0.8, 0.8, 0.0]).shown_m_s2 == ()
+
+
+@pytest.mark.parametrize("speeds_m_s", [[0.8, 0.6, 0.0], []])
+def test_the_next_drive_begins_without_a_mean_speed(speeds_m_s: list[float]) -> None:
+    """After a stop, and after a gap in odometry."""
+    braking = samples(driven(1.0), speeds_m_s)
+    braking = measure(braking, 0.0, 10.0, is_driven=False, standing_m_s=STANDING_M_S)
+    for number in range(9):
+        braking = measure(braking, 0.5, 10.02 + 0.02 * number, is_driven=True, standing_m_s=STANDING_M_S)
+    assert braking.mean_m_s == pytest.approx(0.5 * (1 - 0.8**9))
+    assert braking.stopping

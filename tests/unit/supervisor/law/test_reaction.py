@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 
+from supervisor.law import permission
 from supervisor.law.base_braking import KEPT, Braking
 from supervisor.law.decision import Mode
 from supervisor.law.model import LawConfig, Odometry
@@ -167,3 +168,15 @@ def test_a_base_with_a_dead_time_runs_away_only_after_it() -> None:
             law.tick(("teleop", NEUTRAL), odometry=Odometry(Velocity(0.2, 0.0), law.now_s + TICK_S))
         alarms_s.append(law.now_s - began_s)
     assert alarms_s[1] - alarms_s[0] == pytest.approx(0.2, abs=TICK_S / 2)
+
+
+@pytest.mark.parametrize(("farther_m", "bounds"), [(0.2499, 1), (0.2501, 2), (0.3, 2)])
+def test_the_bound_of_a_base_that_is_left_alone_is_computed_where_it_may_be_lower(
+    farther_m: float, bounds: int
+) -> None:
+    """At 1 m/s, it allows 0.25 m more than the stop distance."""
+    config = replace(CONFIG, base_timeout_s=farther_m + 0.05, base_dead_time_s=0.1)
+    found = permission._barriers(config, 0.0, 0.05, 1.0)  # pyright: ignore[reportPrivateUsage]
+    assert len(found) == bounds
+    assert {barrier.dead_time_s for barrier in found} == {0.1}
+    assert found[-1].stop_distance_m == (config.stop_distance_m if bounds == 1 else permission.TOUCH_M)

@@ -121,6 +121,11 @@ def test_a_block_passes_over_the_end_of_a_full_turn_only() -> None:
     assert lost_beams(beams, 5.0, 0.1, is_round=False) == 0
 
 
+def test_a_block_at_the_end_of_the_view_is_whole() -> None:
+    assert lost_beams(block(0, 14), 5.0, 0.1, is_round=False) == 15
+    assert lost_beams(block(BEAMS - 15, BEAMS - 1), 5.0, 0.1, is_round=False) == 15
+
+
 def test_a_full_turn_that_falls_silent_is_one_block() -> None:
     assert lost_beams(block(0, BEAMS - 1), 5.0, 0.1) == BEAMS
 

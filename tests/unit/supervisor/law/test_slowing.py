@@ -207,6 +207,23 @@ def test_the_way_ahead_has_the_bound_of_the_straight_way(kind_m: float) -> None:
     assert share < permitted_scale(around, 1.0, 0.0, barrier)[0] - 0.05
 
 
+@pytest.mark.parametrize("twist", [(0.8, 0.9), (1.0, 1.2), (0.6, 1.5)])
+@pytest.mark.parametrize("point", [(0.4, 0.45), (0.6, 0.45), (0.6, 0.3)])
+def test_on_an_arc_the_bound_holds_along_the_path_in_shares_of_the_twist(
+    twist: tuple[float, float], point: tuple[float, float]
+) -> None:
+    barrier, around = Barrier(0.3, 1.5, 0.3, 0.0), survey(Circle(0.25), np.array([point]))
+    braking_s = max(twist[0], twist[1] * 0.25) / barrier.deceleration_m_s2
+    steady, _ = permitted_scale(around, *twist, barrier)
+    entered_s = steady * barrier.reaction_s + steady * steady * braking_s / 2.0
+    present = steady + 0.2
+    along_path = barrier._replace(deceleration_m_s2=1.0 / braking_s)
+    permitted = permitted_while_slowing(np.array(entered_s), np.array(present), along_path)
+    assert permitted_scale(around, *twist, barrier, present=present)[0] == pytest.approx(
+        permitted.item(), rel=1e-4
+    )
+
+
 def test_the_speed_along_the_command_is_a_share_of_it() -> None:
     assert along(Velocity(1.0, 0.0), Velocity(0.5, 0.0), 0.25) == pytest.approx(2.0)
     assert along(Velocity(1.0, 2.0), Velocity(0.5, 1.0), 0.25) == pytest.approx(2.0)
