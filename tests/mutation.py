@@ -59,6 +59,8 @@ EQUIVALENT = {
     "around.clearance_m.take(closed_on), barrier, present * closing if (present > 0.0) or True else None",
     # The first sample of a stop follows one at nearly the mean speed, and replaces it.
     "return braking._replace(mean_m_s=mean_m_s, stopping=stopping, first_m_s=None, way_m=0.0)",
+    # A first speed of zero gives no result, whatever the distance.
+    "return braking._replace(mean_m_s=mean_m_s, stopping=stopping, first_m_s=0.0, )",
     # Nothing was lost either.
     "source = source._replace(lost=None)  # another run commands now",
     # Then the hidden places are looked for at each tick: the same ones.

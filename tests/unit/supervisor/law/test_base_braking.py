@@ -184,10 +184,9 @@ def samples(
     return braking
 
 
-def driven(speed_m_s: float, *, mean_m_s: float | None = None, way_m: float = 0.0) -> Braking:
+def driven(speed_m_s: float) -> Braking:
     """The base drove at this speed until the time 0."""
-    mean_m_s = speed_m_s if mean_m_s is None else mean_m_s
-    before = Braking(mean_m_s=mean_m_s, way_m=way_m, last_m_s=speed_m_s, last_s=-0.05)
+    before = Braking(mean_m_s=speed_m_s, last_m_s=speed_m_s, last_s=-0.05)
     return measure(before, speed_m_s, 0.0, is_driven=True, standing_m_s=STANDING_M_S)
 
 
@@ -206,11 +205,6 @@ def test_a_gap_of_the_longest_time_is_measured() -> None:
         assert after.stopping is stopping
 
 
-def test_the_way_of_an_earlier_stop_does_not_count() -> None:
-    braking = samples(driven(1.0, way_m=0.5), [0.0])
-    assert braking.shown_m_s2 == ()
-
-
 def test_a_stop_begins_again_if_the_base_is_fast_again() -> None:
     braking = samples(driven(1.0), [0.8, 0.7, 0.95, 0.8, 0.6, 0.4, 0.0])
     # From 0.8 to 0.4 m/s within two samples of 0.05 s.
@@ -221,12 +215,15 @@ def test_a_stop_without_a_loss_of_speed_has_no_result() -> None:
     assert samples(driven(1.0), [0.8, 0.8, 0.0]).shown_m_s2 == ()
 
 
-@pytest.mark.parametrize("speeds_m_s", [[0.8, 0.6, 0.0], []])
-def test_the_next_drive_begins_without_a_mean_speed(speeds_m_s: list[float]) -> None:
+@pytest.mark.parametrize("is_measured", [True, False])
+def test_the_next_drive_begins_without_a_mean_speed(*, is_measured: bool) -> None:
     """After a stop, and after a gap in odometry."""
-    braking = samples(driven(1.0), speeds_m_s)
-    braking = measure(braking, 0.0, 10.0, is_driven=False, standing_m_s=STANDING_M_S)
-    for number in range(9):
-        braking = measure(braking, 0.5, 10.02 + 0.02 * number, is_driven=True, standing_m_s=STANDING_M_S)
+    braking, start_s = samples(driven(1.0), [0.8, 0.6, 0.0]), 0.15
+    if not is_measured:
+        braking, start_s = samples(driven(1.0), [0.8], gap_s=10.0), 10.0
+    assert len(braking.shown_m_s2) == is_measured
+    for number in range(1, 10):
+        at_s = start_s + 0.02 * number
+        braking = measure(braking, 0.5, at_s, is_driven=True, standing_m_s=STANDING_M_S)
     assert braking.mean_m_s == pytest.approx(0.5 * (1 - 0.8**9))
     assert braking.stopping
