@@ -63,8 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         if not is_terminal():
             refuse(
                 "teleop",
-                "keys need a terminal on standard input and output, the same on both: "
-                "run it in one, not in a pipe or a service",
+                "keys need a terminal on standard input and output: run it in one, not in a pipe or a service",
             )
         if options.setup.control is Control.GAMEPAD:
             options = replace(options, gamepad=open_gamepad(options.config))

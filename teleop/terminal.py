@@ -5,7 +5,6 @@ before that. A closed terminal is the end of the keys, not an error.
 """
 
 import asyncio
-import fcntl
 import math
 import os
 import select
@@ -36,7 +35,6 @@ LEAVE_LIMIT_S = 0.3
 ANSWER_LIMIT_S = 0.15
 """How long to wait at the end for replies of the terminal: a later reply would go to the shell as input."""
 
-_TIOCGDEV = 0x80045432
 _ASK = "\x1b[5n"
 _TYPED, _NOT_TYPED = "\x1b[?2004h\x1b[?1007l", "\x1b[?2004l\x1b[?1007h"
 """Let the terminal mark pasted text, and keep the wheel from sending cursor keys; and the usual modes again."""
@@ -58,13 +56,8 @@ _CLEAR = "\r\x1b[K"
 
 
 def is_terminal() -> bool:
-    """Return whether standard input and output are one terminal: whoever types must see the screen."""
-    return os.isatty(0) and os.isatty(1) and _device(0) == _device(1)
-
-
-def _device(descriptor: int) -> bytes:
-    """Return the device of a terminal, also of one that was opened as /dev/tty."""
-    return fcntl.ioctl(descriptor, _TIOCGDEV, bytes(4))
+    """Return whether standard input and output are terminals."""
+    return os.isatty(0) and os.isatty(1)
 
 
 def is_dumb() -> bool:

@@ -9,7 +9,6 @@ import statistics
 import subprocess
 import sys
 import termios
-from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -282,17 +281,6 @@ async def test_a_terminal_on_one_side_alone_is_none() -> None:
     finally:
         os.close(master)
         os.close(slave)
-
-
-async def test_keys_from_another_terminal_than_that_of_the_screen_are_refused() -> None:
-    pairs = [pty.openpty() for _ in range(2)]
-    try:
-        code, errors = await run(stdin=pairs[0][1], stdout=pairs[1][1])
-        assert (code, errors.count("\n")) == (2, 1)
-        assert "the same on both" in errors
-    finally:
-        for descriptor in chain(*pairs):
-            os.close(descriptor)
 
 
 async def test_it_drives_where_the_locale_has_only_ascii(monkeypatch: pytest.MonkeyPatch) -> None:
