@@ -16,6 +16,7 @@ from sim.motion_sensors import ImuConfig, Motion, Reckoning
 from sim.pace import Measured
 from sim.plant import Pose
 from sim.sensor_faults import NO_FAULTS, SensorFaults
+from wire import cdr
 from wire.messages import (
     Clock,
     DiagnosticArray,
@@ -93,8 +94,7 @@ def to_imu(motion: Motion, config: ImuConfig) -> Imu:
 
 def to_clock(time_s: float) -> Clock:
     """Return simulated time as a message."""
-    seconds, nanoseconds = divmod(round(time_s * 1e9), 1_000_000_000)
-    return Clock(Time(seconds, nanoseconds))
+    return Clock(Time(*cdr.time_of(round(time_s * 1e9))))
 
 
 def _equal_variances(deviation: float) -> np.ndarray:

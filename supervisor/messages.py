@@ -9,6 +9,7 @@ from supervisor.law.interlock import Source
 from supervisor.law.model import Command, Odometry
 from supervisor.law.reckoning import Velocity
 from supervisor.law.scan import LaserScan
+from wire import cdr
 from wire import messages as ros
 from wire.access import NODE_TOKENS
 from wire.bus import Arrival
@@ -89,7 +90,7 @@ class ScanHeaders:
         for scan, arrival_s, attachment in arrivals:
             if scan is not None:
                 stamp = scan.header.stamp
-                stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec if attachment is None else 0
+                stamp_ns = cdr.ns_of(stamp.sec, stamp.nanosec) if attachment is None else 0
                 self._clocks[lidar][1].hear(stamp_ns, arrival_s)
 
     @property
@@ -207,8 +208,7 @@ def _source_time(source: Source) -> ros.Time:
     # Any client can fill the 64 bits of a stamp; the seconds of a ROS time have 31.
     if not source.stamped or last is None or not 0.0 <= last.source_time_s < 2**31:
         return ros.Time(0, 0)
-    seconds, nanoseconds = divmod(round(last.source_time_s * 1e9), 1_000_000_000)
-    return ros.Time(seconds, nanoseconds)
+    return ros.Time(*cdr.time_of(round(last.source_time_s * 1e9)))
 
 
 def _source_status(source: Source, now_s: float) -> ros.SourceStatus:

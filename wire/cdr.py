@@ -135,6 +135,11 @@ def time_of(time_ns: int) -> tuple[int, int]:
     return divmod(min(max(-MAX_TIME_NS, time_ns), MAX_TIME_NS), SECOND_NS)
 
 
+def ns_of(seconds: int, nanoseconds: int) -> int:
+    """Return the time [ns] of a `builtin_interfaces/msg/Time`."""
+    return seconds * SECOND_NS + nanoseconds
+
+
 def _is_little_endian(payload: bytes) -> bool:
     return payload.startswith(LITTLE_ENDIAN[:2])
 
@@ -171,7 +176,7 @@ def header_ns_of(payload: bytes) -> int:
     """Return the stamp [ns] of a message that begins with a `std_msgs/msg/Header`; 0 if it has none, or is no such message."""
     try:
         reader = Reader(payload)
-        return int(reader.value("i")) * 1_000_000_000 + int(reader.value("I"))
+        return ns_of(int(reader.value("i")), int(reader.value("I")))
     except ValueError:
         return 0
 

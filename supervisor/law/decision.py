@@ -96,4 +96,5 @@ def detail_of(
 
 
 def by_severity(reasons: Reasons) -> tuple[StopReason, ...]:
+    """Return the reasons in order, the most severe first."""
     return tuple(sorted(reasons, key=SEVERITY.__getitem__))

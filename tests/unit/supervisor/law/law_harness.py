@@ -119,13 +119,6 @@ class Law:
         arrived = tuple(on_time(source, velocity, self.now_s) for source, velocity in commands)
         return self.step(Inputs(commands=arrived, **inputs))  # type: ignore[arg-type]
 
-    def tick_with(self, command: Command, scans: tuple[LaserScan, ...], odometry: Odometry) -> Decision:
-        """A step at the present time with exactly these inputs."""
-        self.state, self.decision = step(
-            self.state, self.now_s, Inputs(commands=(command,), scans=scans, odometry=odometry)
-        )
-        return self.decision
-
     def tick_unstamped(self, *velocities: Velocity | None) -> Decision:
         """The step 20 ms later, with commands of teleop that arrive now and bear no stamp."""
         self.now_s += TICK_S

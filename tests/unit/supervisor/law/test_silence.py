@@ -8,7 +8,7 @@ import numpy.typing as npt
 import pytest
 
 from supervisor.law.lidar import PROFILES
-from supervisor.law.model import Odometry
+from supervisor.law.model import Inputs, Odometry
 from supervisor.law.reckoning import STANDSTILL, Pose, Velocity
 from supervisor.law.scan import LaserScan
 from supervisor.law.silence import LEAST_RAD, vanished
@@ -61,7 +61,7 @@ def approach(
             scans = (laser_scan(ranges, law.now_s),)
         asked = NEUTRAL if tick < 10 or law.decision.reasons else Velocity(1.0, 0.0)
         command = on_time("teleop", asked, law.now_s)
-        law.tick_with(command, scans, Odometry(twist, law.now_s))
+        law.step(Inputs((command,), scans=scans, odometry=Odometry(twist, law.now_s)))
         output = law.decision.output
     return closest_m
 
