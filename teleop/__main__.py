@@ -156,15 +156,15 @@ class _Waiting:
             task.add_done_callback(lambda _: self._wake.set())
         clock = asyncio.get_running_loop().time
         try:
-            while not opening.done():
-                if self._is_told_to_end():
-                    return None
+            # Keys typed before the connection move nothing, but one that ends the program counts until the last moment.
+            while not (ends := self._is_told_to_end()) and not opening.done():
                 if self._options.setup.pictures:
                     self._show()
                 await wait_until(self._wake, clock() + REDRAW_PERIOD_S)
                 self._wake.clear()
-            self._terminal.take()  # discard keys typed before the connection
-            return opening.result()
+            if ends and opening.done():
+                await opening.result().close()
+            return None if ends else opening.result()
         finally:
             opening.cancel()
             stopping.cancel()

@@ -34,6 +34,8 @@ from tests.system.operators import (
 from tests.system.process_state import children_of, state_of
 
 ALL_KITTY_FLAGS = 31
+DELETE_LINE = b"\x15"
+"""Ctrl-U: a shell whose job was stopped by force finds the terminal's answers to that job in its line."""
 BROKEN = """
 import asyncio
 from teleop import __main__, service
@@ -277,10 +279,10 @@ async def test_the_guard_of_a_stopped_teleop_leaves_alone_a_program_that_was_sta
         op, first = job.terminal, job.pid
         os.kill(first, signal.SIGSTOP)
         await until(lambda: job.is_stopped)
-        op.type(b"echo it is the $((6*7)) shell\n")
+        op.type(DELETE_LINE + b"echo it is the $((6*7)) shell\n")
         await until(lambda: "it is the 42 shell" in op.picture)
         second = [sys.executable, *TELEOP, "--view-only", "--endpoint", job.endpoint]
-        op.type(shlex.join(second).encode() + b"\n")
+        op.type(DELETE_LINE + shlex.join(second).encode() + b"\n")
         await until(lambda: Control.VIEW_ONLY.value in op.picture, 2 * LIMIT_S)
         with guard_of(first) as has_ended:
             os.kill(first, signal.SIGKILL)

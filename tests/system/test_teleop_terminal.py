@@ -239,6 +239,30 @@ async def test_it_can_be_ended_while_it_waits_for_the_hub(key: bytes) -> None:
         assert op.modes() == op.modes_before
 
 
+OPENS_WITH_A_KEY = """
+import pathlib, select
+from teleop import __main__
+open_bus = __main__.open_bus
+async def opened(*arguments, **options):
+    bus = await open_bus(*arguments, **options)
+    pathlib.Path({opened!r}).touch()
+    select.select([0], [], [])
+    return bus
+__main__.open_bus = opened
+__main__.main()
+"""
+
+
+async def test_it_can_be_ended_at_the_moment_at_which_the_connection_opens(tmp_path: Path) -> None:
+    endpoint, opened = free_endpoint(), tmp_path / "opened"
+    command = ("-c", OPENS_WITH_A_KEY.format(opened=str(opened)))
+    async with hub(endpoint) as h, operator(endpoint, command=command, answers=False) as op:
+        await until(opened.exists)
+        op.type(b"q")
+        assert await op.ended() == (0, "")
+        assert not h.velocities
+
+
 async def test_a_hang_up_ends_it_while_it_waits_for_the_hub() -> None:
     endpoint = free_endpoint()
     async with operator(endpoint) as op:
