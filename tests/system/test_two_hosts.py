@@ -45,7 +45,8 @@ def play(scenario: str, protocol: str, logs: Path) -> dict[str, Any]:
     return measured
 
 
-@pytest.mark.parametrize("protocol", ["tcp", pytest.param("quic", marks=pytest.mark.timed)])
+@pytest.mark.timed
+@pytest.mark.parametrize("protocol", ["tcp", "quic"])
 def test_a_cut_link_stops_the_robot_until_the_returned_operator_sends_neutral(
     tmp_path: Path, protocol: str
 ) -> None:
