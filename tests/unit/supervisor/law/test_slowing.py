@@ -11,7 +11,6 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-import z3
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -28,6 +27,7 @@ from supervisor.law.model import Odometry
 from supervisor.law.reckoning import STANDSTILL, Velocity
 from supervisor.law.transition import along
 from tests.unit.supervisor.law.law_harness import ANY_AGE, NEUTRAL, TICK_S, Law, ring
+from tests.unit.supervisor.law.smt import decided
 
 # --- over all reals
 
@@ -102,13 +102,6 @@ STATEMENTS = {
         "unsat",
     ),
 }
-
-
-def decided(statement: str) -> str:
-    """Return z3's answer to a statement in SMT-LIB."""
-    solver = z3.Solver()
-    solver.from_string(statement)
-    return str(solver.check())
 
 
 @pytest.mark.parametrize("name", STATEMENTS)
