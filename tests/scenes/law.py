@@ -24,9 +24,14 @@ LATE_FROM_S = 1.2
 
 def config_of(scene: Scene) -> LawConfig:
     """Return the default configuration with the scene's hull and lidars."""
+    told = scene.told
     lidars = tuple(
         supervisor.law.scan.Lidar(
-            f"lidar{number}", _mount(lidar), PROFILES[lidar.profile], timeout_s(lidar.rate_hz)
+            f"lidar{number}",
+            _mount(lidar),
+            PROFILES[lidar.profile],
+            timeout_s(lidar.rate_hz) + told.latency_s,
+            latency_s=told.latency_s,
         )
         for number, lidar in enumerate(scene.lidars)
     )
@@ -35,6 +40,9 @@ def config_of(scene: Scene) -> LawConfig:
         hull=scene.hull,
         lidars=lidars,
         odometry=scene.odometry_scale is not None,
+        deceleration_m_s2=told.braking_m_s2,
+        base_dead_time_s=told.dead_s,
+        base_timeout_s=told.timeout_s,
         base_acceleration_m_s2=scene.base.acceleration_m_s2,
         base_angular_acceleration_rad_s2=scene.base.acceleration_m_s2 / scene.hull.radius_m,
     )
@@ -69,11 +77,11 @@ def stops(decision: Decision) -> tuple[str, ...]:
 
 def on_way_s(lidar: Lidar, taken_s: float) -> float:
     """Return the delay of a scan from the lidar to the law."""
-    return lidar.late_s if taken_s > LATE_FROM_S else 0.0
+    return lidar.latency_s + (lidar.late_s if taken_s > LATE_FROM_S else 0.0)
 
 
 def _scan(lidar: Lidar, number: int, taken_s: float, ranges: Ranges) -> LaserScan:
-    stamp = Sent(EPOCH, round(taken_s * 1e6), taken_s) if lidar.late_s else None
+    stamp = Sent(EPOCH, round(taken_s * 1e6), taken_s + lidar.latency_s) if lidar.late_s else None
     return LaserScan(
         np.where((ranges > 0.0) & (ranges < lidar.range_min), np.float32(-math.inf), ranges),
         lidar.angle_min,

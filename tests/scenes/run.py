@@ -1,7 +1,7 @@
 """Runs one scene in closed loop: the law at 50 Hz, a base with one tick of delay, scans between the ticks."""
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -95,13 +95,15 @@ def run(
     """
     measure = Measure(scene.hull)
     operator = operator or Adversary(np.random.default_rng([scene.seed, 1]), scene.world, measure)
-    base = base or _base(scene)
+    base = base or base_of(scene)
     eyes = [
         Eye(lidar, len(scene.world), [scene.seed, 2 + number]) for number, lidar in enumerate(scene.lidars)
     ]
     taken = [0] * len(eyes)
     on_their_way: list[tuple[int, float, Ranges]] = []
-    pose, now_s, command = Pose(0.0, 0.0, scene.yaw_rad), 0.0, STANDSTILL
+    pose, now_s = Pose(0.0, 0.0, scene.yaw_rad), 0.0
+    # The base follows the decision of the previous tick, or an older one if it has a dead time.
+    commands = deque([STANDSTILL] * (1 + dead_ticks(scene)))
     ledger = _Ledger(scene, measure)
     state, decision = step(
         initial_state(law.config_of(scene)), now_s, law.inputs(scene, now_s, STANDSTILL, [], None)
@@ -111,7 +113,7 @@ def run(
     reasons: tuple[str, ...] = law.stops(decision)
     for _ in range(round(scene.duration_s / TICK_S)):
         before, was = pose, base.twist
-        twist = base.step(command, TICK_S)
+        twist = base.step(commands.popleft(), TICK_S)
         mean = Velocity(
             (was.linear_m_s + twist.linear_m_s) / 2, (was.angular_rad_s + twist.angular_rad_s) / 2
         )
@@ -132,8 +134,7 @@ def run(
         on_their_way = on_their_way[len(scans) :]
         asked = operator.asks(now_s, pose, twist, stopped=bool(reasons))
         odometry = _odometry(scene, twist) if report is None else report(now_s, twist)
-        # The base follows the decision of the previous tick.
-        command = decision.output
+        commands.append(decision.output)
         state, decision = step(state, now_s, law.inputs(scene, now_s, asked, scans, odometry))
         last, reasons = reasons, law.stops(decision)
         stops.update(set(reasons) - set(last))
@@ -207,7 +208,13 @@ def advance(pose: Pose, twist: Velocity, dt_s: float) -> Pose:
     )
 
 
-def _base(scene: Scene) -> Base:
+def dead_ticks(scene: Scene) -> int:
+    """Return the dead time of the base in ticks."""
+    return round(scene.base.dead_s / TICK_S)
+
+
+def base_of(scene: Scene) -> Base:
+    """Return the base of a scene, at rest."""
     kind = MixtureBase if scene.base.kind == "mixture" else AxisBase
     return kind(scene.base.acceleration_m_s2, scene.base.braking_m_s2, scene.hull.radius_m)
 

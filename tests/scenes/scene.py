@@ -67,6 +67,8 @@ class Lidar:
     """Minimum range; shorter distances read as -Inf."""
     late_s: float = 0.0
     """Transport delay of each scan, visible in its stamp, after the first scans arrived without delay."""
+    latency_s: float = 0.0
+    """Time from the measurement to its message, which no stamp shows."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,19 @@ class BaseNumbers:
     kind: Literal["mixture", "axis"]
     acceleration_m_s2: float
     braking_m_s2: float
+    dead_s: float = 0.0
+    """How late it obeys, besides one tick; rounded to ticks."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """What the configuration says of base and lidars; the defaults are those of the law."""
+
+    braking_m_s2: float = TRUSTED_M_S2
+    dead_s: float = 0.0
+    latency_s: float = 0.0
+    timeout_s: float = 0.15
+    """Of the base without a command."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +110,7 @@ class Scene:
     start_m: float
     """Clearance at the start."""
     duration_s: float
+    told: Told = Told()
 
     @property
     def bound_m(self) -> float:

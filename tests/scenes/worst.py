@@ -1,0 +1,333 @@
+"""Search for the worst case: an optimizer looks for the drive in which the hull comes closest to an object.
+
+    python -m tests.scenes.worst --evaluations 20000
+    python -m tests.scenes.worst --evaluations 20000 --alone
+    python -m tests.scenes.worst --evaluations 2000 --untold dead_s --untold latency_s
+
+Each drive has its own dead time, brakes, latency, base timeout, noise, lost scans, vanishing returns, hull, object and commands.
+The configuration contains them, except those that are `--untold`. With `--alone`, the optimizer minimizes the clearance after
+everything above the base has died at the worst tick. It prints the worst drive after each restart.
+"""
+
+import argparse
+import math
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from bench.rig.options import count, failing_in_a_sentence, seed
+from supervisor.law.clearance import Circle
+from supervisor.law.reckoning import STANDSTILL, Pose, Velocity
+from tests.scenes.operators import SETTLE_S
+from tests.scenes.run import TICK_S, Moment, advance, base_of, dead_ticks, run
+from tests.scenes.scene import SMALLEST_M, TRUSTED_M_S2, BaseNumbers, Scene, Told, rectangle
+from tests.scenes.sensing import Ranges
+from tests.scenes.simple import LIDAR, plain_scene
+from tests.scenes.world import Floats, Measure, World
+
+HULLS = (Circle(0.25), rectangle(0.4, 0.4, 0.2), rectangle(0.55, 0.15, 0.25))
+ROOM_M = 5.0
+"""All walls are nearer than 0.8 of the lidar's range, within which vanished returns are judged (supervisor/law/silence.py)."""
+DURATION_S = 4.0
+ALWAYS_TOLD: frozenset[str] = frozenset()
+UNTOLD = ("dead_s", "latency_s", "braking_m_s2", "timeout_s")
+"""What a configuration may not contain."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """The parameters of one drive."""
+
+    dead_s: float
+    braking_m_s2: float
+    latency_s: float
+    timeout_s: float
+    """After which the base stops without a command."""
+    noise_m: float
+    lost_scans: float
+    """Fraction of the scans that never arrive."""
+    vanish_rad: float
+    """Width of the sector whose returns vanish at once, as "no return"; none below `VANISHES_RAD`."""
+    vanish_at_rad: float
+    vanish_s: float
+    rate_hz: float
+    acceleration_m_s2: float
+    axes: float
+    """At least 0.5: each axis of the base has its own ramp."""
+    odometry: float
+    """Less than 0.2: none."""
+    hull: float
+    object_m: float
+    """Distance of the object from the origin."""
+    object_rad: float
+    object_radius_m: float
+    """A wall at a slant if more than `WALL_M`."""
+    slant_rad: float
+    speed_m_s: float
+    turn_rad_s: float
+    """None below 0.5 rad/s; the same for `then_rad_s`."""
+    then_m_s: float
+    then_rad_s: float
+    then_s: float
+    """When the second twist follows the first."""
+
+
+VANISHES_RAD = math.radians(10.0)
+"""The law claims nothing about narrower ones (docs/decisions/0066-vanished-returns.md)."""
+WALL_M = 0.25
+
+RANGES: dict[str, tuple[float, float]] = {
+    "dead_s": (0.0, 0.2),
+    "braking_m_s2": (0.5 * TRUSTED_M_S2, 1.5 * TRUSTED_M_S2),
+    "latency_s": (0.0, 0.15),
+    "timeout_s": (0.02, 0.5),
+    "noise_m": (0.0, 0.03),
+    "lost_scans": (0.0, 0.3),
+    "vanish_rad": (0.0, math.pi),
+    "vanish_at_rad": (-1.0, 1.0),
+    "vanish_s": (0.5, 3.0),
+    "rate_hz": (5.0, 40.0),
+    "acceleration_m_s2": (0.5, 2.0),
+    "axes": (0.0, 1.0),
+    "odometry": (0.0, 1.0),
+    "hull": (0.0, len(HULLS) - 1e-9),
+    "object_m": (0.9, 3.0),
+    "object_rad": (-0.5, 0.5),
+    "object_radius_m": (SMALLEST_M / 2, 2.0 * WALL_M),
+    "slant_rad": (-1.2, 1.2),
+    "speed_m_s": (0.3, 1.0),
+    "turn_rad_s": (-1.2, 1.2),
+    "then_m_s": (-1.0, 1.0),
+    "then_rad_s": (-2.0, 2.0),
+    "then_s": (0.5, 3.0),
+}
+
+
+class Result(NamedTuple):
+    """Least clearances of one drive [m]."""
+
+    driven_m: float
+    """While the law decides."""
+    alone_m: float
+    """After everything above the base has died at the worst tick."""
+
+
+class Course:
+    """Commands one twist, then another; neutral during each stop."""
+
+    def __init__(self, case: Case) -> None:
+        self._first = Velocity(case.speed_m_s, _beyond(case.turn_rad_s, 0.5))
+        self._then = Velocity(case.then_m_s, _beyond(case.then_rad_s, 0.5))
+        self._then_s = case.then_s
+
+    def asks(self, now_s: float, pose: Pose, twist: Velocity, *, stopped: bool) -> Velocity:
+        if stopped or now_s < SETTLE_S:
+            return STANDSTILL
+        return self._first if now_s < self._then_s else self._then
+
+
+def _beyond(value: float, threshold: float) -> float:
+    """Return zero up to a threshold, and what is beyond it above, in the same range."""
+    return 0.0 if abs(value) <= threshold else value
+
+
+def case_of(genes: Floats) -> Case:
+    """Return the case of numbers from 0 to 1, one for each parameter."""
+    drawn = {
+        field.name: low + gene * (high - low)
+        for field, gene in zip(fields(Case), genes.tolist(), strict=True)
+        for low, high in (RANGES[field.name],)
+    }
+    drawn["dead_s"] = round(drawn["dead_s"] / TICK_S) * TICK_S
+    return Case(**drawn)
+
+
+def scene_of(case: Case, untold: frozenset[str] = frozenset()) -> Scene:
+    """Build the scene of a case.
+
+    Args:
+        case: the parameters.
+        untold: names of parameters that differ from the configuration, which has their defaults.
+    """
+    hull = HULLS[int(case.hull)]
+    x_m, y_m = (case.object_m * math.cos(case.object_rad), case.object_m * math.sin(case.object_rad))
+    rate_hz = case.rate_hz
+    lidar = replace(LIDAR, rate_hz=rate_hz, noise_m=case.noise_m, latency_s=case.latency_s)
+    base = BaseNumbers(
+        "axis" if case.axes >= 0.5 else "mixture", case.acceleration_m_s2, case.braking_m_s2, case.dead_s
+    )
+    scene = plain_scene(
+        (x_m, y_m, min(case.object_radius_m, WALL_M)),
+        hull=hull,
+        lidars=(lidar,),
+        base=base,
+        room_m=ROOM_M,
+        duration_s=DURATION_S,
+    )
+    if case.object_radius_m > WALL_M:
+        half = 1.5 * np.array((-math.sin(case.slant_rad), math.cos(case.slant_rad)))
+        middle, world = np.array((x_m, y_m)), scene.world
+        world = World(
+            np.vstack((middle - half, world.starts[1:])),
+            np.vstack((middle + half, world.ends[1:])),
+            np.concatenate(((SMALLEST_M / 2,), world.radii[1:])),
+        )
+        start_m = float(Measure(hull).clearances_m(world, 0.0, 0.0, 0.0).min())
+        scene = replace(scene, world=world, start_m=start_m)
+    said = {name: getattr(case, name) for name in UNTOLD if name not in untold}
+    if "braking_m_s2" in said:  # the worse of the configured and the measured deceleration
+        said["braking_m_s2"] = min(TRUSTED_M_S2, case.braking_m_s2)
+    scale = None if case.odometry < 0.2 else 1.0
+    return replace(scene, odometry_scale=scale, told=Told(**said))
+
+
+def drive(case: Case, untold: frozenset[str] = frozenset(), *, alone: bool = True) -> Result:
+    """Run one drive; without `alone`, the second result is not computed.
+
+    A scene that begins nearer than the stop distance plus 10 cm counts as one that keeps its distance.
+    """
+    scene = scene_of(case, untold)
+    if scene.start_m < 0.4:
+        return Result(math.inf, math.inf)
+    moments: list[Moment] = []
+    rng = np.random.default_rng(1)
+    eye = scene.lidars[0]
+    angle = eye.angle_min + eye.angle_increment * np.arange(eye.beams)
+    gone = np.abs(angle - case.vanish_at_rad) <= case.vanish_rad / 2.0
+
+    def spoil(taken_s: float, number: int, ranges: Ranges) -> Ranges | None:
+        if rng.random() < case.lost_scans:
+            return None
+        if taken_s > case.vanish_s and case.vanish_rad >= VANISHES_RAD:
+            ranges[gone] = math.inf
+        return ranges
+
+    outcome = run(scene, operator=Course(case), spoil=spoil, watch=moments.append)
+    return Result(outcome.closest_m, left_alone_m(scene, case.timeout_s, moments) if alone else math.nan)
+
+
+def left_alone_m(scene: Scene, timeout_s: float, moments: list[Moment]) -> float:
+    """Return the least clearance if everything above the base dies at the worst tick, right after its decision.
+
+    The base then follows the decisions that are on their way, the last one for its timeout, and then zero.
+    """
+    measure, dead, radius_m = Measure(scene.hull), dead_ticks(scene), scene.hull.radius_m
+    outputs = [STANDSTILL] * (1 + dead) + [moment.decision.output for moment in moments]
+    held, least_m = math.ceil(timeout_s / TICK_S - 1e-9), math.inf
+    for number, moment in enumerate(moments):
+        queue = outputs[number : number + dead + 2]
+        fastest_m_s = max(abs(v) + abs(w) * radius_m for v, w in (moment.twist, *queue))
+        reacts_s = TICK_S * (len(queue) + held) + fastest_m_s / scene.base.braking_m_s2
+        clearance_m = float(measure.clearances_m(scene.world, *moment.pose).min())
+        if fastest_m_s > 0.0 and clearance_m - fastest_m_s * reacts_s < least_m:
+            followed = (*queue, *[queue[-1]] * (held - 1))
+            least_m = min(least_m, _followed_m(scene, measure, moment, followed))
+    return least_m
+
+
+def _followed_m(scene: Scene, measure: Measure, moment: Moment, commands: Sequence[Velocity]) -> float:
+    """Return the least clearance of a base that follows commands, one for each tick, and then brakes to standstill."""
+    base, pose, least_m, left = base_of(scene), moment.pose, math.inf, deque(commands)
+    base.twist = moment.twist
+    while left or base.twist != STANDSTILL:
+        was = base.twist
+        now = base.step(left.popleft() if left else STANDSTILL, TICK_S)
+        mean = Velocity((was.linear_m_s + now.linear_m_s) / 2, (was.angular_rad_s + now.angular_rad_s) / 2)
+        pose = advance(pose, mean, TICK_S)
+        least_m = min(least_m, float(measure.clearances_m(scene.world, *pose).min()))
+    return least_m
+
+
+# --- the optimizer
+
+POPULATION = 30
+ELITE = 6
+GENERATIONS = 8
+"""Between two restarts."""
+SPREAD = (0.3, 0.03)
+"""Standard deviation of the first generation, and the least one."""
+
+
+class Found(NamedTuple):
+    """The worst case of one start."""
+
+    score: float
+    case: Case
+
+
+def search(score: Callable[[Case], float], evaluations: int, number: int) -> list[Found]:
+    """Minimize a score by the cross-entropy method with restarts; return the worst case of each start.
+
+    Each generation is drawn around the mean of the best of the last one, with their standard deviation.
+
+    Args:
+        score: of a case.
+        evaluations: how often the score may be computed.
+        number: seed of all random numbers.
+    """
+    rng = np.random.default_rng([number, 7])
+    found: list[Found] = []
+    size = len(fields(Case))
+    while evaluations > 0:
+        mean, spread, best = (
+            rng.random(size),
+            np.full(size, SPREAD[0]),
+            Found(math.inf, case_of(np.zeros(size))),
+        )
+        elite: Floats = np.empty((0, size))
+        scores: list[float] = []
+        for generation in range(min(GENERATIONS, math.ceil(evaluations / POPULATION))):
+            drawn = (
+                rng.random((POPULATION, size))
+                if generation == 0
+                else mean + spread * rng.standard_normal((POPULATION, size))
+            )
+            drawn = np.clip(drawn, 0.0, 1.0)
+            values = [score(case_of(genes)) for genes in drawn]
+            evaluations -= POPULATION
+            pool, every = np.vstack((elite, drawn)), [*scores, *values]
+            order = np.argsort(every, kind="stable")[:ELITE]
+            elite, scores = pool[order], [every[n] for n in order]
+            mean, spread = elite.mean(axis=0), np.maximum(elite.std(axis=0), SPREAD[1])
+        best = Found(scores[0], case_of(elite[0]))
+        found.append(best)
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.scenes.worst",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--evaluations", type=count, default=600, help="run this many drives")
+    parser.add_argument("--seed", type=seed, default=0, help="set the seed of the optimizer")
+    parser.add_argument(
+        "--alone", action="store_true", help="let everything above the base die at the worst tick"
+    )
+    parser.add_argument(
+        "--untold",
+        action="append",
+        default=[],
+        choices=UNTOLD,
+        help="leave this out of the configuration; repeatable",
+    )
+    args = parser.parse_args()
+    untold = frozenset(args.untold)
+
+    def score(case: Case) -> float:
+        driven_m, alone_m = drive(case, untold, alone=args.alone)
+        return alone_m if args.alone else driven_m
+
+    with failing_in_a_sentence("tests.scenes.worst"):
+        found = search(score, args.evaluations, args.seed)
+    for one in sorted(found, key=lambda one: one.score):
+        numbers = ", ".join(f"{name} {value:.4g}" for name, value in asdict(one.case).items())
+        print(f"{one.score:.4f} m: {numbers}")
+
+
+if __name__ == "__main__":
+    main()
