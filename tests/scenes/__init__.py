@@ -10,5 +10,6 @@ run.py        run one scene in closed loop
 summary.py    summarize many runs
 simple.py     build scenes with few objects by hand
 drawing.py    describe and draw one run
+worst.py      `python -m tests.scenes.worst`: search for the worst case with an optimizer
 __main__.py   `python -m tests.scenes`: search many scenes, or replay one
 """

@@ -6,7 +6,7 @@
 
 Each drive has its own dead time, brakes, latency, base timeout, noise, lost scans, vanishing returns, hull, object and commands.
 The configuration contains them, except those that are `--untold`. With `--alone`, the optimizer minimizes the clearance after
-everything above the base has died at the worst tick. It prints the worst drive after each restart.
+everything above the base has died at the worst tick. It prints the worst drive of each climb.
 """
 
 import argparse
@@ -145,6 +145,30 @@ def case_of(genes: Floats) -> Case:
     return Case(**drawn)
 
 
+def text_of(case: Case) -> str:
+    """Return a case as text, with four digits for each parameter."""
+    return ", ".join(f"{name} {value:.4g}" for name, value in asdict(case).items())
+
+
+def case_from(text: str) -> Case:
+    """Return the case of a text; parameters that it leaves out have the middle of their range."""
+    numbers = {name: float(value) for name, value in (part.split() for part in text.split(","))}
+    return replace(case_of(np.full(len(RANGES), 0.5)), **numbers)
+
+
+def genes_of(case: Case) -> Floats:
+    """Return the numbers from 0 to 1 of a case, one for each parameter."""
+    return np.array([(getattr(case, name) - low) / (high - low) for name, (low, high) in RANGES.items()])
+
+
+HARD = case_from(
+    "dead_s 0.1, braking_m_s2 1.125, latency_s 0.075, timeout_s 0.3, noise_m 0.002, lost_scans 0, vanish_rad 0, rate_hz 20,"
+    "acceleration_m_s2 2, axes 0, odometry 1, hull 0, object_m 3, object_rad 0, object_radius_m 0.1, speed_m_s 1,"
+    "turn_rad_s 0, then_m_s 1, then_rad_s 0, then_s 3"
+)
+"""Straight at a pillar at full speed."""
+
+
 def scene_of(case: Case, untold: frozenset[str] = frozenset()) -> Scene:
     """Build the scene of a case.
 
@@ -243,25 +267,26 @@ def _followed_m(scene: Scene, measure: Measure, moment: Moment, commands: Sequen
 
 # --- the optimizer
 
-POPULATION = 30
-ELITE = 6
-GENERATIONS = 8
-"""Between two restarts."""
-SPREAD = (0.3, 0.03)
-"""Standard deviation of the first generation, and the least one."""
+FIRST = 40
+"""A climb begins at the worst of this many random cases; the first one, at least at `HARD`."""
+PATIENCE = 60
+"""A climb ends after this many cases without progress."""
+CHANGED = 0.2
+"""Share of the parameters that change in one step."""
+STEPS = (-2.0, -0.3)
+"""Exponents of the least and the greatest standard deviation of a step, as a share of a parameter's range."""
+PROGRESS_M = 1e-4
 
 
 class Found(NamedTuple):
-    """The worst case of one start."""
+    """The worst case of one climb."""
 
     score: float
     case: Case
 
 
 def search(score: Callable[[Case], float], evaluations: int, number: int) -> list[Found]:
-    """Minimize a score by the cross-entropy method with restarts; return the worst case of each start.
-
-    Each generation is drawn around the mean of the best of the last one, with their standard deviation.
+    """Minimize a score by random steps with restarts; return the worst case of each climb.
 
     Args:
         score: of a case.
@@ -269,31 +294,23 @@ def search(score: Callable[[Case], float], evaluations: int, number: int) -> lis
         number: seed of all random numbers.
     """
     rng = np.random.default_rng([number, 7])
-    found: list[Found] = []
-    size = len(fields(Case))
+    size, found = len(fields(Case)), list[Found]()
     while evaluations > 0:
-        mean, spread, best = (
-            rng.random(size),
-            np.full(size, SPREAD[0]),
-            Found(math.inf, case_of(np.zeros(size))),
-        )
-        elite: Floats = np.empty((0, size))
-        scores: list[float] = []
-        for generation in range(min(GENERATIONS, math.ceil(evaluations / POPULATION))):
-            drawn = (
-                rng.random((POPULATION, size))
-                if generation == 0
-                else mean + spread * rng.standard_normal((POPULATION, size))
-            )
-            drawn = np.clip(drawn, 0.0, 1.0)
-            values = [score(case_of(genes)) for genes in drawn]
-            evaluations -= POPULATION
-            pool, every = np.vstack((elite, drawn)), [*scores, *values]
-            order = np.argsort(every, kind="stable")[:ELITE]
-            elite, scores = pool[order], [every[n] for n in order]
-            mean, spread = elite.mean(axis=0), np.maximum(elite.std(axis=0), SPREAD[1])
-        best = Found(scores[0], case_of(elite[0]))
-        found.append(best)
+        drawn = rng.random((min(FIRST, evaluations), size))
+        if not found:
+            drawn[0] = genes_of(HARD)
+        values = [score(case_of(genes)) for genes in drawn]
+        evaluations -= len(drawn)
+        genes, least, idle = drawn[int(np.argmin(values))], min(values), 0
+        while evaluations > 0 and idle < PATIENCE:
+            step = 10.0 ** rng.uniform(*STEPS) * rng.standard_normal(size)
+            tried = np.clip(genes + np.where(rng.random(size) < CHANGED, step, 0.0), 0.0, 1.0)
+            value = score(case_of(tried))
+            evaluations -= 1
+            idle = 0 if value < least - PROGRESS_M else idle + 1
+            if value <= least:  # equal ones too: not every parameter matters where the climb is now
+                genes, least = tried, value
+        found.append(Found(least, case_of(genes)))
     return found
 
 
@@ -325,8 +342,7 @@ def main() -> None:
     with failing_in_a_sentence("tests.scenes.worst"):
         found = search(score, args.evaluations, args.seed)
     for one in sorted(found, key=lambda one: one.score):
-        numbers = ", ".join(f"{name} {value:.4g}" for name, value in asdict(one.case).items())
-        print(f"{one.score:.4f} m: {numbers}")
+        print(f"{one.score:.4f} m: {text_of(one.case)}")
 
 
 if __name__ == "__main__":
