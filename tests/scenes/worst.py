@@ -141,7 +141,8 @@ def case_of(genes: Floats) -> Case:
         for field, gene in zip(fields(Case), genes.tolist(), strict=True)
         for low, high in (RANGES[field.name],)
     }
-    drawn["dead_s"] = round(drawn["dead_s"] / TICK_S) * TICK_S
+    for name in ("dead_s", "timeout_s"):  # the base acts on ticks
+        drawn[name] = round(drawn[name] / TICK_S) * TICK_S
     return Case(**drawn)
 
 
@@ -240,7 +241,7 @@ def left_alone_m(scene: Scene, timeout_s: float, moments: list[Moment]) -> float
     """
     measure, dead, radius_m = Measure(scene.hull), dead_ticks(scene), scene.hull.radius_m
     outputs = [STANDSTILL] * (1 + dead) + [moment.decision.output for moment in moments]
-    held, least_m = math.ceil(timeout_s / TICK_S - 1e-9), math.inf
+    held, least_m = round(timeout_s / TICK_S), math.inf
     for number, moment in enumerate(moments):
         queue = outputs[number : number + dead + 2]
         fastest_m_s = max(abs(v) + abs(w) * radius_m for v, w in (moment.twist, *queue))
