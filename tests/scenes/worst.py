@@ -32,7 +32,6 @@ HULLS = (Circle(0.25), rectangle(0.4, 0.4, 0.2), rectangle(0.55, 0.15, 0.25))
 ROOM_M = 5.0
 """All walls are nearer than 0.8 of the lidar's range, within which vanished returns are judged (supervisor/law/silence.py)."""
 DURATION_S = 4.0
-ALWAYS_TOLD: frozenset[str] = frozenset()
 UNTOLD = ("dead_s", "latency_s", "braking_m_s2", "timeout_s")
 """What a configuration may not contain."""
 
@@ -179,8 +178,7 @@ def scene_of(case: Case, untold: frozenset[str] = frozenset()) -> Scene:
     """
     hull = HULLS[int(case.hull)]
     x_m, y_m = (case.object_m * math.cos(case.object_rad), case.object_m * math.sin(case.object_rad))
-    rate_hz = case.rate_hz
-    lidar = replace(LIDAR, rate_hz=rate_hz, noise_m=case.noise_m, latency_s=case.latency_s)
+    lidar = replace(LIDAR, rate_hz=case.rate_hz, noise_m=case.noise_m, latency_s=case.latency_s)
     base = BaseNumbers(
         "axis" if case.axes >= 0.5 else "mixture", case.acceleration_m_s2, case.braking_m_s2, case.dead_s
     )
