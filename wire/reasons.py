@@ -163,10 +163,10 @@ LIMIT_WORDS: Mapping[Limit, Words] = {
         step="slow down, or mend the connection",
     ),
     Limit.BASE_WEAK: Words(
-        now="the base brakes worse than configured",
-        over="the base braked worse than configured",
-        caption="weak brakes",
-        step="reduce the load, or set deceleration_m_s2 to what the base shows",
+        now="the base brakes worse, or reacts later, than configured",
+        over="the base braked worse, or reacted later, than configured",
+        caption="weak or late brakes",
+        step="reduce the load, or set deceleration_m_s2 and base_dead_time_s to what the base shows",
     ),
 }
 

@@ -7,7 +7,15 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-from supervisor.law.base_braking import UNMEASURED, Braking, bound_m_s2, measure
+from supervisor.law.base_braking import (
+    LATE_S,
+    UNMEASURED,
+    WEAK_SHARE,
+    Braking,
+    bound_dead_s,
+    bound_m_s2,
+    measure,
+)
 from supervisor.law.base_motion import FOLLOWING, Following, follow, moves
 from supervisor.law.base_rolling import Rest, watch
 from supervisor.law.model import Inputs, LawConfig, Odometry
@@ -55,21 +63,35 @@ def suspended(base: Base, suspended_s: float) -> Base:
 
 
 def brake(base: Base, config: LawConfig, odometry: Odometry | None) -> tuple[Base, LawConfig]:
-    """Measure how the base brakes; what it shows replaces a better configured deceleration everywhere in the law."""
+    """Measure how the base brakes; what it shows replaces better configured numbers everywhere in the law."""
     if odometry is None or not config.odometry or moves(odometry.velocity, config.believable):
         return base, config
-    v, w = map(abs, odometry.velocity)
     braking = measure(
         base.braking,
-        max(v, w * config.hull.radius_m),
+        config.rim_speed_m_s(odometry.velocity),
         odometry.arrival_s,
-        is_driven=base.output != STANDSTILL,
+        commanded_m_s=config.rim_speed_m_s(base.output),
+        stopped_s=base.stopped_s,
         standing_m_s=config.residual.linear_m_s,
     )
-    shown_m_s2 = bound_m_s2(braking)
-    if shown_m_s2 != config.shown_m_s2:
-        config = replace(config, shown_m_s2=shown_m_s2)
+    shown_m_s2, shown_dead_s = bound_m_s2(braking), bound_dead_s(braking)
+    if (shown_m_s2, shown_dead_s) != (config.shown_m_s2, config.shown_dead_s):
+        config = replace(config, shown_m_s2=shown_m_s2, shown_dead_s=shown_dead_s)
     return base._replace(braking=braking), config
+
+
+def weakness(config: LawConfig) -> str:
+    """Return what the base has shown to do worse than configured, as part of a sentence; empty if nothing."""
+    worse: list[str] = []
+    if config.shown_m_s2 < WEAK_SHARE * config.deceleration_m_s2:
+        worse.append(
+            f"brakes with {config.shown_m_s2:.2f} m/s², configured are {config.deceleration_m_s2:.2f}"
+        )
+    if config.shown_dead_s > config.base_dead_time_s + LATE_S:
+        worse.append(
+            f"slows down after {config.shown_dead_s:.2f} s, configured are {config.base_dead_time_s:.2f}"
+        )
+    return f"the base {', and '.join(worse)}" if worse else ""
 
 
 def observe(base: Base, config: LawConfig, now_s: float, before_s: float | None, inputs: Inputs) -> Base:
@@ -117,6 +139,7 @@ def observe(base: Base, config: LawConfig, now_s: float, before_s: float | None,
             dt_s,
             config.slowest,
             config.trusted,
+            config.dead_time_s,
         ),
         rest=rest,
         runaway=runs_away or (rest is not None and rest.rolls),
@@ -133,7 +156,7 @@ def _runs_away(base: Base, config: LawConfig, now_s: float, odometry: Odometry |
 
 def _has_braked(base: Base, config: LawConfig, now_s: float) -> bool:
     """Return whether zero has been commanded for longer than braking takes."""
-    braking_s = config.max_linear_m_s / config.braking_m_s2 + config.base_dead_time_s + RUNAWAY_GRACE_S
+    braking_s = config.max_linear_m_s / config.braking_m_s2 + config.dead_time_s + RUNAWAY_GRACE_S
     return base.stopped_s is not None and now_s - base.stopped_s > braking_s
 
 

@@ -3,7 +3,7 @@
 Two speeds bound the velocity that odometry may show on each axis. The *least* follows a rising command with the
 slowest acceleration of the base. The *most* follows a falling command with the trusted deceleration, slowed so
 that both axes reach their command together. The base is unresponsive if odometry stays outside these bounds for
-`PATIENCE_S` without approaching the command: the base is blocked, switched off by its own emergency stop, slipping, or
+`PATIENCE_S` and its dead time without approaching the command: the base is blocked, switched off by its own emergency stop, slipping, or
 measured wrongly. It stays unresponsive until zero is commanded and it stands still.
 """
 
@@ -13,7 +13,7 @@ from typing import NamedTuple
 from supervisor.law.reckoning import STANDSTILL, Velocity
 
 PATIENCE_S = 0.5
-"""How long the base may lag; covers its dead time and the latency of odometry."""
+"""How long the base may lag beyond its dead time; covers the latency of odometry."""
 
 LEAST_SHARE = 0.5
 MOST_SHARE = 1.3
@@ -49,6 +49,7 @@ def follow(
     dt_s: float,
     slowest: Velocity,
     deceleration: Velocity,
+    dead_time_s: float,
 ) -> Following:
     """Update the expected bounds with the last command, and compare odometry with them.
 
@@ -60,6 +61,7 @@ def follow(
         dt_s: the time since the last call.
         slowest: the least acceleration of the base [m/s², rad/s²].
         deceleration: the trusted deceleration of the base [m/s², rad/s²].
+        dead_time_s: how long the base keeps its velocity after a command.
     """
     least = Velocity(
         _rises(following.least.linear_m_s, commanded.linear_m_s, slowest.linear_m_s * dt_s),
@@ -101,7 +103,8 @@ def follow(
         since_s = None
     elif since_s is None or _gains(since, measured, commanded):
         since_s, since = now_s, measured
-    too_long = since_s is not None and now_s - since_s > PATIENCE_S and commanded != STANDSTILL
+    patience_s = PATIENCE_S + dead_time_s
+    too_long = since_s is not None and now_s - since_s > patience_s and commanded != STANDSTILL
     stands = commanded == STANDSTILL and not moves(measured, SLOW)
     return Following(least, most, since_s, since, too_long or (following.unresponsive and not stands))
 

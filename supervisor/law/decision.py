@@ -60,7 +60,7 @@ def detail_of(
     block_bearing_rad: float = math.nan,
     writers: tuple[str, ...] = (),
     stations: str = "",
-    braking_m_s2: tuple[float, float] = (math.nan, math.nan),
+    weakness: str = "",
 ) -> str:
     """Return part of a sentence with the details of the most severe cause; empty if there are none.
 
@@ -72,11 +72,10 @@ def detail_of(
         block_bearing_rad: bearing of the blocking point in the base frame; NaN if there is none.
         writers: for each sensor with several active writers, its name and theirs.
         stations: which e-stop stations are pressed or missing.
-        braking_m_s2: the deceleration that the law trusts, and the configured one.
+        weakness: what the base does worse than configured.
     """
     if not causes and limit is Limit.BASE_WEAK:
-        shown, configured = braking_m_s2
-        return f"the base brakes with {shown:.2f} m/s², configured are {configured:.2f}"
+        return weakness
     if not causes and limit is not None:
         return "blind_budget_m permits less than this speed" if is_too_fast else "the next command is late"
     where = bearing_in_words(block_bearing_rad)

@@ -74,6 +74,8 @@ class LawConfig:
     """How long the base drives on without a command; zero in recordings that do not have it."""
     shown_m_s2: float = math.inf
     """Deceleration that the base has shown in its last stops; infinite before the first. No setting: the law measures it."""
+    shown_dead_s: float = 0.0
+    """Dead time that the base has shown in its last stops; likewise."""
 
     @property
     def braking_m_s2(self) -> float:
@@ -81,12 +83,17 @@ class LawConfig:
         return min(self.deceleration_m_s2, self.shown_m_s2)
 
     @property
+    def dead_time_s(self) -> float:
+        """Dead time that the law expects: the worse of the configured and the measured one."""
+        return max(self.base_dead_time_s, self.shown_dead_s)
+
+    @property
     def late_s(self) -> float:
         """How late a command acts: transport, one tick and dead time.
 
         Without odometry, the law takes the base to move as commanded, which it does a dead time later: this counts again.
         """
-        return self.transport_s + self.base_dead_time_s * (1.0 if self.odometry else 2.0)
+        return self.transport_s + self.dead_time_s * (1.0 if self.odometry else 2.0)
 
     @cached_property
     def reach_m(self) -> float:
@@ -125,6 +132,10 @@ class LawConfig:
     def hull_speed_m_s(self, velocity: Velocity) -> float:
         """Return an upper bound of the speed of any point of the hull [m/s]."""
         return abs(velocity.linear_m_s) + abs(velocity.angular_rad_s) * self.hull.radius_m
+
+    def rim_speed_m_s(self, velocity: Velocity) -> float:
+        """Return the speed that the barrier has to brake [m/s]: of the centre or of the hull's rim, the larger one."""
+        return max(abs(velocity.linear_m_s), abs(velocity.angular_rad_s) * self.hull.radius_m)
 
     def useful(self, velocity: Velocity) -> Velocity:
         """Return the velocity, scaled up to the minimum useful speed if it is slower."""

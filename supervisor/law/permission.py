@@ -33,8 +33,7 @@ def renewed(age_s: float, commanded: Velocity, config: LawConfig) -> float:
     """
     if math.isinf(config.blind_budget_m):
         return math.inf
-    rim_m_s = abs(commanded.angular_rad_s) * config.hull.radius_m
-    speed_m_s = max(config.creep_m_s, abs(commanded.linear_m_s), rim_m_s)
+    speed_m_s = max(config.creep_m_s, config.rim_speed_m_s(commanded))
     # An output lasts until the next tick, while the permitted speed falls further: `transport_s` includes a tick.
     timeout_s, tick_s = config.command_timeout_s, config.transport_s
     fresh_m_s = 2.0 * config.blind_budget_m * timeout_s / (timeout_s + tick_s / 2.0) ** 2
@@ -81,7 +80,7 @@ def _barriers(config: LawConfig, age_s: float, next_s: float, fastest_m_s: float
         deceleration_m_s2=config.braking_m_s2,
         reaction_s=next_s + config.late_s,
         hidden_creep_m_s=config.blind_creep_m_s,
-        dead_time_s=config.base_dead_time_s,
+        dead_time_s=config.dead_time_s,
     )
     alone = decided._replace(
         stop_distance_m=TOUCH_M, reaction_s=age_s + config.base_timeout_s + config.late_s

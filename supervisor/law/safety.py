@@ -22,7 +22,6 @@ from supervisor.law import base as bases
 from supervisor.law import interlock as interlocks
 from supervisor.law import sight as sights
 from supervisor.law.base import Base
-from supervisor.law.base_braking import WEAK_SHARE
 from supervisor.law.clearance import Block, Kind
 from supervisor.law.decision import Decision, Mode, by_severity, detail_of
 from supervisor.law.estop_stations import detail_of as detail_of_stations
@@ -167,7 +166,7 @@ def _decide(
         if permitted < scale:
             scale, limit = permitted, Limit.COMMAND_AGE
         output = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
-    if not reasons and limit is None and config.shown_m_s2 < WEAK_SHARE * config.deceleration_m_s2:
+    if not reasons and limit is None and bases.weakness(config):
         limit = Limit.BASE_WEAK
     base = bases.commanded(base, output, now_s)
     state = State(config, interlock, base, sight, state.clock._replace(now_s=now_s))
@@ -246,7 +245,7 @@ def _explain(
             block_bearing_rad=math.nan if block is None else math.atan2(block.y_m, block.x_m),
             writers=_conflicts(state, now_s) if StopReason.SENSOR_CONFLICT in causes else (),
             stations=detail_of_stations(interlock.stations),
-            braking_m_s2=(config.braking_m_s2, config.deceleration_m_s2),
+            weakness=bases.weakness(config),
         ),
         stations=interlock.stations.stations,
     )

@@ -5,19 +5,45 @@ import math
 import numpy as np
 import pytest
 
+from supervisor.law import base_braking
 from supervisor.law.base_braking import (
     GREATEST_M_S2,
     KEPT,
+    LATE_S,
     LEAST_M_S2,
     LEAST_SPEED_M_S,
+    LONGEST_DEAD_S,
     LONGEST_GAP_S,
+    NO_LINE,
+    REACHED_SHARE,
+    SAMPLING_S,
     UNMEASURED,
     Braking,
+    bound_dead_s,
     bound_m_s2,
-    measure,
 )
 
 STANDING_M_S = 0.05
+
+
+def measure(
+    braking: Braking,
+    speed_m_s: float,
+    at_s: float,
+    *,
+    is_driven: bool,
+    stopped_s: float = 0.0,
+    commanded_m_s: float = 1.0,
+) -> Braking:
+    """Process a sample of a base that is driven, or to which zero has been commanded since `stopped_s`."""
+    return base_braking.measure(
+        braking,
+        speed_m_s,
+        at_s,
+        commanded_m_s=commanded_m_s if is_driven else 0.0,
+        stopped_s=None if is_driven else stopped_s,
+        standing_m_s=STANDING_M_S,
+    )
 
 
 def stop(
@@ -39,7 +65,12 @@ def stop(
         true_m_s = min(speed_m_s, speed_m_s - deceleration_m_s2 * (now_s - 1.0 - dead_s))
         shown_m_s = abs(max(0.0, true_m_s) + float(rng.normal(0.0, noise_m_s)))
         braking = measure(
-            braking, shown_m_s, start_s + now_s, is_driven=now_s < 1.0, standing_m_s=STANDING_M_S
+            braking,
+            shown_m_s,
+            start_s + now_s,
+            is_driven=now_s < 1.0,
+            stopped_s=start_s + 1.0,
+            commanded_m_s=speed_m_s,
         )
     return braking
 
@@ -95,8 +126,8 @@ def test_a_base_that_follows_a_falling_command_is_not_weak() -> None:
     while speed_m_s > 0.02:
         now_s += 0.02
         speed_m_s = speed_m_s if now_s < 1.0 else speed_m_s - 0.9 * 0.02
-        braking = measure(braking, speed_m_s, now_s, is_driven=True, standing_m_s=STANDING_M_S)
-    braking = measure(braking, 0.0, now_s + 0.02, is_driven=False, standing_m_s=STANDING_M_S)
+        braking = measure(braking, speed_m_s, now_s, is_driven=True)
+    braking = measure(braking, 0.0, now_s + 0.02, is_driven=False)
     assert braking.shown_m_s2 == ()
 
 
@@ -107,7 +138,7 @@ def test_a_stop_that_begins_while_the_command_falls_is_not_measured() -> None:
         now_s += 0.02
         falls_m_s2 = 0.0 if now_s < 1.0 else 0.9 if now_s < 1.7 else 2.0
         speed_m_s = max(0.0, speed_m_s - falls_m_s2 * 0.02)
-        braking = measure(braking, speed_m_s, now_s, is_driven=now_s < 1.6, standing_m_s=STANDING_M_S)
+        braking = measure(braking, speed_m_s, now_s, is_driven=now_s < 1.6)
     assert braking.shown_m_s2 == ()
     assert bound_m_s2(stop(braking, deceleration_m_s2=1.2)) == pytest.approx(1.2)
 
@@ -115,8 +146,8 @@ def test_a_stop_that_begins_while_the_command_falls_is_not_measured() -> None:
 @pytest.mark.parametrize(("speed_m_s", "is_steady"), [(0.879, True), (0.877, False)])
 def test_a_stop_begins_at_a_steady_speed(speed_m_s: float, *, is_steady: bool) -> None:
     """At 0.878 m/s, the newest sample is 0.9 of the mean that contains it with a weight of 0.2: 0.8 + 0.2 · 0.878."""
-    braking = UNMEASURED._replace(mean_m_s=1.0)
-    braking = measure(braking, speed_m_s, 0.02, is_driven=True, standing_m_s=STANDING_M_S)
+    braking = UNMEASURED._replace(mean_m_s=1.0, last_s=0.0)
+    braking = measure(braking, speed_m_s, 0.02, is_driven=True)
     assert braking.stopping is is_steady
 
 
@@ -130,9 +161,7 @@ def test_a_stop_that_a_new_command_ends_is_not_measured() -> None:
     for number in range(1, 200):
         now_s = 0.02 * number
         speed_m_s = max(0.6, 1.0 - max(0.0, now_s - 1.0) * 0.5)
-        braking = measure(
-            braking, speed_m_s, now_s, is_driven=now_s < 1.0 or now_s > 1.8, standing_m_s=STANDING_M_S
-        )
+        braking = measure(braking, speed_m_s, now_s, is_driven=now_s < 1.0 or now_s > 1.8)
     assert braking.shown_m_s2 == ()
     assert bound_m_s2(stop(braking, deceleration_m_s2=1.2)) == pytest.approx(1.2)
 
@@ -144,16 +173,16 @@ def test_a_stop_with_a_gap_in_odometry_is_not_measured(gap_s: float, *, is_measu
     braking, now_s = UNMEASURED, 0.0
     for speed_m_s in [1.0] * 50:
         now_s += 0.02
-        braking = measure(braking, speed_m_s, now_s, is_driven=True, standing_m_s=STANDING_M_S)
+        braking = measure(braking, speed_m_s, now_s, is_driven=True)
     for speed_m_s in (0.8, 0.6, 0.4, 0.2, 0.0):
         now_s += gap_s if speed_m_s == 0.4 else 0.1
-        braking = measure(braking, speed_m_s, now_s, is_driven=False, standing_m_s=STANDING_M_S)
+        braking = measure(braking, speed_m_s, now_s, is_driven=False)
     assert (len(braking.shown_m_s2) == 1) is is_measured
 
 
 def test_a_sample_that_is_not_newer_changes_nothing() -> None:
-    braking = measure(UNMEASURED, 1.0, 1.0, is_driven=True, standing_m_s=STANDING_M_S)
-    assert measure(braking, 0.0, 1.0, is_driven=False, standing_m_s=STANDING_M_S) is braking
+    braking = measure(UNMEASURED, 1.0, 1.0, is_driven=True)
+    assert measure(braking, 0.0, 1.0, is_driven=False) is braking
 
 
 def test_odometry_that_shows_an_impossible_stop_is_no_measurement() -> None:
@@ -162,8 +191,8 @@ def test_odometry_that_shows_an_impossible_stop_is_no_measurement() -> None:
 
 
 def test_odometry_that_jumps_to_zero_is_no_measurement() -> None:
-    braking = measure(UNMEASURED._replace(mean_m_s=1.0), 1.0, 1.0, is_driven=True, standing_m_s=STANDING_M_S)
-    assert measure(braking, 0.0, 1.02, is_driven=False, standing_m_s=STANDING_M_S).shown_m_s2 == ()
+    braking = measure(UNMEASURED._replace(mean_m_s=1.0, last_s=0.98), 1.0, 1.0, is_driven=True)
+    assert measure(braking, 0.0, 1.02, is_driven=False).shown_m_s2 == ()
 
 
 def test_only_the_last_stops_are_kept() -> None:
@@ -180,14 +209,14 @@ def samples(
     """Zero is commanded, and odometry shows these speeds."""
     for number, speed_m_s in enumerate(speeds_m_s, start=1):
         at_s = start_s + number * gap_s
-        braking = measure(braking, speed_m_s, at_s, is_driven=False, standing_m_s=STANDING_M_S)
+        braking = measure(braking, speed_m_s, at_s, is_driven=False)
     return braking
 
 
 def driven(speed_m_s: float) -> Braking:
     """The base drove at this speed until the time 0."""
     before = Braking(mean_m_s=speed_m_s, last_m_s=speed_m_s, last_s=-0.05)
-    return measure(before, speed_m_s, 0.0, is_driven=True, standing_m_s=STANDING_M_S)
+    return measure(before, speed_m_s, 0.0, is_driven=True)
 
 
 @pytest.mark.parametrize(
@@ -195,13 +224,13 @@ def driven(speed_m_s: float) -> Braking:
 )
 def test_a_stop_from_the_least_speed_is_measured(mean_m_s: float, *, stopping: bool) -> None:
     before = Braking(mean_m_s=mean_m_s, last_m_s=mean_m_s, last_s=0.0)
-    assert measure(before, mean_m_s, 0.02, is_driven=True, standing_m_s=STANDING_M_S).stopping is stopping
+    assert measure(before, mean_m_s, 0.02, is_driven=True).stopping is stopping
 
 
 def test_a_gap_of_the_longest_time_is_measured() -> None:
     braking = driven(1.0)
     for gap_s, stopping in ((LONGEST_GAP_S, True), (math.nextafter(LONGEST_GAP_S, 1.0), False)):
-        after = measure(braking, 0.8, gap_s, is_driven=False, standing_m_s=STANDING_M_S)
+        after = measure(braking, 0.8, gap_s, is_driven=False)
         assert after.stopping is stopping
 
 
@@ -224,6 +253,150 @@ def test_the_next_drive_begins_without_a_mean_speed(*, is_measured: bool) -> Non
     assert len(braking.shown_m_s2) == is_measured
     for number in range(1, 10):
         at_s = start_s + 0.02 * number
-        braking = measure(braking, 0.5, at_s, is_driven=True, standing_m_s=STANDING_M_S)
+        braking = measure(braking, 0.5, at_s, is_driven=True)
     assert braking.mean_m_s == pytest.approx(0.5 * (1 - 0.8**9))
     assert braking.stopping
+
+
+# --- the dead time
+
+
+@pytest.mark.parametrize("speed_m_s", [0.41, 0.6, 1.0])
+@pytest.mark.parametrize("deceleration_m_s2", [0.5, 1.5, 2.0])
+@pytest.mark.parametrize("dead_s", [0.1, 0.15, 0.2, 0.4])
+@pytest.mark.parametrize("period_s", [0.01, 0.02, 0.05])
+def test_a_stop_shows_the_dead_time_whatever_the_deceleration(
+    speed_m_s: float, deceleration_m_s2: float, dead_s: float, period_s: float
+) -> None:
+    shown = stop(deceleration_m_s2=deceleration_m_s2, speed_m_s=speed_m_s, dead_s=dead_s, period_s=period_s)
+    assert shown.shown_dead_s == pytest.approx((dead_s,), abs=0.003)
+
+
+@pytest.mark.parametrize("period_s", [0.02, 0.05, 0.1])
+@pytest.mark.parametrize("noise_m_s", [0.0, 0.02])
+def test_a_base_that_follows_at_once_has_no_dead_time(period_s: float, noise_m_s: float) -> None:
+    braking = UNMEASURED
+    for seed in range(50):
+        braking = stop(
+            braking,
+            deceleration_m_s2=(1.0, 1.5, 2.0)[seed % 3],
+            speed_m_s=0.5 + 0.01 * seed,
+            period_s=period_s,
+            noise_m_s=noise_m_s,
+            seed=seed,
+        )
+        assert bound_dead_s(braking) == 0.0
+    assert len(braking.shown_dead_s) == KEPT
+
+
+def test_noise_like_that_of_a_standing_base_rarely_shows_a_dead_time() -> None:
+    bounds_s: list[float] = []
+    braking = UNMEASURED
+    for seed in range(100):
+        braking = stop(braking, deceleration_m_s2=1.5, speed_m_s=0.7, noise_m_s=STANDING_M_S, seed=seed)
+        bounds_s.append(bound_dead_s(braking))
+    assert np.count_nonzero(bounds_s) <= 10
+    assert max(bounds_s) < 0.06
+
+
+def test_noise_changes_the_dead_time_by_no_more_than_the_tolerance() -> None:
+    braking = UNMEASURED
+    for seed in range(KEPT):
+        braking = stop(braking, deceleration_m_s2=1.5, speed_m_s=0.6, dead_s=0.15, noise_m_s=0.02, seed=seed)
+    assert len(braking.shown_dead_s) == KEPT
+    assert 0.15 - LATE_S < bound_dead_s(braking) < 0.15 + LATE_S
+
+
+@pytest.mark.parametrize(("dead_s", "shown"), [(0.039, False), (0.041, True)])
+def test_half_a_gap_a_tick_and_transport_are_no_dead_time(dead_s: float, *, shown: bool) -> None:
+    assert pytest.approx(0.04) == SAMPLING_S + 0.02 / 2
+    dead = stop(deceleration_m_s2=1.5, dead_s=dead_s).shown_dead_s
+    assert dead == (pytest.approx(dead_s, abs=5e-4) if shown else 0.0,)
+
+
+def test_the_second_largest_dead_time_counts_and_a_single_one_as_it_is() -> None:
+    assert bound_dead_s(UNMEASURED) == 0.0
+    assert bound_dead_s(Braking(shown_dead_s=(0.2,))) == 0.2
+    assert bound_dead_s(Braking(shown_dead_s=(0.2, 0.0))) == 0.0
+    assert bound_dead_s(Braking(shown_dead_s=(0.1, 0.3, 0.2, 0.0))) == 0.2
+
+
+def test_only_the_last_dead_times_are_kept() -> None:
+    braking = stop(stop(deceleration_m_s2=2.0, dead_s=0.2), deceleration_m_s2=2.0, dead_s=0.2)
+    for _ in range(KEPT - 2):
+        braking = stop(braking, deceleration_m_s2=2.0)
+        assert bound_dead_s(braking) == pytest.approx(0.2, abs=0.003)
+    assert bound_dead_s(stop(braking, deceleration_m_s2=2.0)) == 0.0
+
+
+def test_a_base_that_was_pushed_on_counts_as_the_latest_that_can_be_configured() -> None:
+    assert stop(deceleration_m_s2=1.5, dead_s=1.2).shown_dead_s == (LONGEST_DEAD_S,)
+    assert stop(deceleration_m_s2=1.5, dead_s=0.49).shown_dead_s == pytest.approx((0.49,), abs=0.003)
+
+
+@pytest.mark.parametrize("share", [REACHED_SHARE, -REACHED_SHARE])
+def test_only_a_base_that_has_reached_its_command_shows_its_dead_time(share: float) -> None:
+    """Another one may still accelerate during its dead time."""
+    before = Braking(mean_m_s=1.0, last_m_s=1.0, last_s=0.0)
+    for beyond, reached in ((0.999, True), (1.001, False)):
+        commanded_m_s = 1.0 / (1.0 + beyond * share)
+        after = measure(before, 1.0, 0.02, is_driven=True, commanded_m_s=commanded_m_s)
+        assert after.reached is reached
+
+
+def test_a_base_that_still_accelerates_shows_its_deceleration_but_no_dead_time() -> None:
+    braking, speed_m_s = UNMEASURED, 0.0
+    for number in range(1, 120):
+        now_s = 0.02 * number
+        speed_m_s = max(0.0, speed_m_s + 0.02 * (1.0 if now_s < 0.9 else -1.5))
+        braking = measure(braking, speed_m_s, now_s, is_driven=now_s < 0.8, stopped_s=0.8)
+    assert bound_m_s2(braking) == pytest.approx(1.5)
+    assert braking.shown_dead_s == ()
+
+
+def test_a_base_whose_stop_is_shorter_than_two_samples_shows_its_dead_time() -> None:
+    """Odometry shows the distance; what braking takes of it is less than a sample."""
+    braking = samples(driven(1.0), [1.0, 1.0, 1.0, 0.5, 0.0])
+    assert braking.shown_m_s2 == ()
+    assert braking.shown_dead_s == pytest.approx((0.1875,))
+    assert samples(driven(1.0), [0.0]).shown_dead_s == (0.0,)
+
+
+def test_a_base_that_does_not_slow_down_on_average_shows_no_dead_time() -> None:
+    assert samples(driven(1.0), [0.5, 0.8, 0.0]).shown_dead_s == ()
+
+
+def test_the_longest_gap_of_a_stop_is_part_of_its_tolerance() -> None:
+    braking = driven(1.0)
+    for at_s, speed_m_s in ((0.1, 1.0), (0.12, 1.0), (0.14, 0.8), (0.24, 0.4), (0.28, 0.2), (0.3, 0.0)):
+        braking = measure(braking, speed_m_s, at_s, is_driven=False)
+    assert braking.gap_s == pytest.approx(0.1)
+    assert braking.shown_dead_s[0] > 0.1 / 2 + SAMPLING_S
+
+
+@pytest.mark.parametrize("stopped_s", [0.0, 0.03])
+def test_the_distance_is_counted_from_the_command(stopped_s: float) -> None:
+    braking = driven(1.0)
+    for number in range(1, 20):
+        at_s = 0.05 * number
+        speed_m_s = min(1.0, max(0.0, 1.0 - 2.0 * (at_s - 0.2)))
+        braking = measure(braking, speed_m_s, at_s, is_driven=False, stopped_s=stopped_s)
+    assert braking.shown_dead_s == pytest.approx((0.2 - stopped_s,), abs=1e-6)
+
+
+def test_a_sample_that_arrives_just_before_the_command_counts_no_distance() -> None:
+    early = measure(driven(1.0), 0.8, 0.05, is_driven=False, stopped_s=0.06)
+    assert early.whole_m == 0.0
+    assert early.line.t == 0.0
+
+
+@pytest.mark.parametrize("deceleration_m_s2", [0.5, 2.0])
+def test_a_line_through_samples_has_their_deceleration(deceleration_m_s2: float) -> None:
+    line = NO_LINE
+    assert line.brakes_m_s2() == math.inf
+    for number in range(6):
+        line = line.add(0.1 * number, 1.0 - deceleration_m_s2 * 0.1 * number)
+        if number == 0:
+            assert line.brakes_m_s2() == math.inf
+        else:
+            assert line.brakes_m_s2() == pytest.approx(deceleration_m_s2)

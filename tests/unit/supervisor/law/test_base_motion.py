@@ -30,8 +30,9 @@ def after(
     *,
     now_s: float = 0.0,
     dt_s: float = DT_S,
+    dead_time_s: float = 0.0,
 ) -> Following:
-    return follow(following, commanded, measured, now_s, dt_s, SLOWEST, TRUSTED)
+    return follow(following, commanded, measured, now_s, dt_s, SLOWEST, TRUSTED, dead_time_s)
 
 
 def settled(velocity: Velocity) -> Following:
@@ -121,6 +122,14 @@ def test_a_base_that_follows_in_between_has_its_patience_anew() -> None:
     follows = after(lagging, FAST, FAST, now_s=0.4)
     assert follows.since_s is None
     assert not after(follows, FAST, STANDSTILL, now_s=0.6).unresponsive
+
+
+def test_a_base_may_lag_for_its_dead_time_in_addition() -> None:
+    lagging = after(settled(FAST), FAST, STANDSTILL)
+    patience_s = PATIENCE_S + 0.25
+    assert not after(lagging, FAST, STANDSTILL, now_s=patience_s, dead_time_s=0.25).unresponsive
+    late = after(lagging, FAST, STANDSTILL, now_s=math.nextafter(patience_s, 1.0), dead_time_s=0.25)
+    assert late.unresponsive
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -50,7 +50,6 @@ def test_of_several_causes_the_most_restrictive_is_explained() -> None:
 
 
 def test_a_limit_is_explained_only_where_nothing_stops_the_motion() -> None:
-    weak = detail_of(frozenset(), Limit.BASE_WEAK, braking_m_s2=(1.02, 1.5))
-    assert weak == "the base brakes with 1.02 m/s², configured are 1.50"
+    assert detail_of(frozenset(), Limit.BASE_WEAK, weakness="the base is weak") == "the base is weak"
     cause = frozenset({StopReason.OBSTACLE})
     assert detail_of(cause, Limit.BASE_WEAK, block_bearing_rad=0.0).startswith("something is too close")

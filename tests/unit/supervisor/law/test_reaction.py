@@ -36,6 +36,47 @@ class Robot:
     timeout_s: float = 0.15
 
 
+class Drive:
+    """The law drives a robot straight ahead: at a wall, or in free space."""
+
+    def __init__(self, config: LawConfig, robot: Robot, clearance_m: float = math.inf) -> None:
+        self.law = Law(replace(config, blind_budget_m=math.inf), room_m=9.0)
+        self.robot, self.clearance_m, self.speed_m_s = robot, clearance_m, 0.0
+        self._seen = deque([clearance_m] * (1 + round(robot.latency_s / TICK_S)))
+        self._pending = deque([STANDSTILL] * round(robot.dead_s / TICK_S))
+
+    def decide(self, wanted: Velocity) -> Velocity:
+        """The decision of the next tick."""
+        law, ahead_m = self.law, self._seen[0] + HULL_M
+        law.ranges = ring(9.0, ahead_m=min(9.0, ahead_m))
+        law.tick(("teleop", wanted), odometry=Odometry(Velocity(self.speed_m_s, 0.0), law.now_s + TICK_S))
+        return law.decision.output
+
+    def move(self, sent: Velocity) -> None:
+        """The base moves for a tick."""
+        self._pending.append(sent)
+        target_m_s = self._pending.popleft().linear_m_s
+        before_m_s = self.speed_m_s
+        slowest_m_s = before_m_s - self.robot.braking_m_s2 * TICK_S
+        self.speed_m_s = (
+            max(target_m_s, slowest_m_s, 0.0)
+            if target_m_s < before_m_s
+            else min(target_m_s, before_m_s + TICK_S)
+        )
+        self.clearance_m -= (before_m_s + self.speed_m_s) / 2.0 * TICK_S
+        self._seen.append(self.clearance_m)
+        self._seen.popleft()
+
+
+def shown_by(robot: Robot, *, stops: int, config: LawConfig = CONFIG, speed_m_s: float = 1.0) -> Braking:
+    """What some stops in free space show."""
+    drive = Drive(config, robot)
+    for wanted, seconds in [(NEUTRAL, 0.2), *[(Velocity(speed_m_s, 0.0), 2.0), (NEUTRAL, 4.0)] * stops]:
+        for _ in range(round(seconds / TICK_S)):
+            drive.move(drive.decide(wanted))
+    return drive.law.state.base.braking
+
+
 def nearest_m(
     config: LawConfig,
     robot: Robot,
@@ -53,38 +94,22 @@ def nearest_m(
         dies_at_m: the clearance at which everything above the base dies; by default, nothing dies.
         braking: what earlier stops have shown.
     """
-    law = Law(replace(config, blind_budget_m=math.inf), room_m=9.0)
+    drive = Drive(config, robot, start_m)
+    law = drive.law
     if braking is not None:
         law.state = law.state._replace(base=law.state.base._replace(braking=braking))
-    clearance_m, speed_m_s = start_m, 0.0
-    seen = deque([clearance_m] * (1 + round(robot.latency_s / TICK_S)))
-    pending = deque([STANDSTILL] * round(robot.dead_s / TICK_S))
     sent, dead_s, ticks = STANDSTILL, -math.inf, 0
-    while ticks < 20 or speed_m_s > 0.0:
+    while ticks < 20 or drive.speed_m_s > 0.0:
         ticks += 1
         assert ticks < 2000, "the robot never stops"
-        if dead_s == -math.inf and clearance_m <= dies_at_m:
+        if dead_s == -math.inf and drive.clearance_m <= dies_at_m:
             dead_s = ticks * TICK_S
         if dead_s == -math.inf:
-            law.ranges = ring(9.0, ahead_m=seen[0] + HULL_M)
-            wanted = NEUTRAL if ticks < 10 or law.decision.reasons else FULL
-            law.tick(("teleop", wanted), odometry=Odometry(Velocity(speed_m_s, 0.0), law.now_s + TICK_S))
-            sent = law.decision.output
+            sent = drive.decide(NEUTRAL if ticks < 10 or law.decision.reasons else FULL)
         elif ticks * TICK_S - dead_s >= robot.timeout_s - 1e-9:
             sent = STANDSTILL
-        pending.append(sent)
-        target_m_s = pending.popleft().linear_m_s
-        before_m_s = speed_m_s
-        slowest_m_s = speed_m_s - robot.braking_m_s2 * TICK_S
-        speed_m_s = (
-            max(target_m_s, slowest_m_s, 0.0)
-            if target_m_s < speed_m_s
-            else min(target_m_s, speed_m_s + TICK_S)
-        )
-        clearance_m -= (before_m_s + speed_m_s) / 2.0 * TICK_S
-        seen.append(clearance_m)
-        seen.popleft()
-    return clearance_m
+        drive.move(sent)
+    return drive.clearance_m
 
 
 def test_a_base_as_configured_keeps_the_stop_distance() -> None:
@@ -104,6 +129,26 @@ def test_a_command_acts_late_and_the_configuration_says_so(dead_s: float) -> Non
     robot = Robot(dead_s=dead_s)
     assert nearest_m(CONFIG, robot) < 0.285
     assert nearest_m(replace(CONFIG, base_dead_time_s=dead_s), robot) >= 0.285
+
+
+@pytest.mark.parametrize("dead_s", [0.1, 0.15, 0.2])
+@pytest.mark.parametrize("speed_m_s", [0.5, 1.0])
+def test_a_command_acts_late_and_two_stops_have_shown_it(dead_s: float, speed_m_s: float) -> None:
+    robot = Robot(dead_s=dead_s)
+    shown = shown_by(robot, stops=2, speed_m_s=speed_m_s)
+    acts_s = round(dead_s / TICK_S) * TICK_S
+    assert shown.shown_dead_s == pytest.approx((acts_s, acts_s), abs=1e-3)
+    assert nearest_m(CONFIG, robot) < 0.285
+    assert nearest_m(CONFIG, robot, braking=shown) >= 0.285
+
+
+@pytest.mark.parametrize("braking_m_s2", [0.75, 1.5, 2.0])
+def test_a_base_without_dead_time_drives_as_before_its_stops(braking_m_s2: float) -> None:
+    robot = Robot(braking_m_s2=braking_m_s2)
+    shown = shown_by(robot, stops=3)
+    assert shown.shown_dead_s == (0.0, 0.0, 0.0)
+    if braking_m_s2 >= 1.5:
+        assert nearest_m(CONFIG, robot, braking=shown) == nearest_m(CONFIG, robot)
 
 
 @pytest.mark.parametrize("start_m", [0.5, 0.7, 0.9])

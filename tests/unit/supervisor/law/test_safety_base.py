@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from supervisor.law.base_braking import Braking
+from supervisor.law.base import weakness
+from supervisor.law.base_braking import LATE_S, Braking
 from supervisor.law.base_motion import PATIENCE_S
 from supervisor.law.clearance import ConvexPolygon
 from supervisor.law.decision import Decision, Mode
@@ -409,6 +410,72 @@ def test_a_base_that_brakes_as_configured_or_better_is_not_weak() -> None:
     for deceleration_m_s2 in (1.51, 2.0, 4.0):
         assert stops_with(law, deceleration_m_s2).limit is None
     assert law.state.config.braking_m_s2 == CONFIG.deceleration_m_s2
+
+
+@pytest.mark.parametrize(("share", "limit"), [(0.999, None), (1.001, Limit.BASE_WEAK)])
+@pytest.mark.parametrize("configured_s", [0.0, 0.1])
+def test_the_error_of_a_measured_dead_time_counts_and_is_not_reported(
+    share: float, limit: Limit | None, configured_s: float
+) -> None:
+    law = Law(config=replace(CONFIG, base_dead_time_s=configured_s), room_m=6.0)
+    tick(law, NEUTRAL, STANDSTILL)
+    shown_s = configured_s + share * LATE_S
+    law.state = law.state._replace(base=law.state.base._replace(braking=Braking(shown_dead_s=(shown_s,))))
+    assert tick(law, NEUTRAL, STANDSTILL).limit is limit
+    assert law.state.config.dead_time_s == shown_s
+
+
+def test_a_base_that_reacts_as_configured_or_sooner_is_not_late() -> None:
+    config = replace(CONFIG, base_dead_time_s=0.2, shown_dead_s=0.1)
+    assert config.dead_time_s == 0.2
+    assert weakness(config) == ""
+
+
+def test_a_late_base_is_named_with_both_numbers() -> None:
+    late = replace(CONFIG, base_dead_time_s=0.05, shown_dead_s=0.15)
+    assert weakness(late) == "the base slows down after 0.15 s, configured are 0.05"
+    both = replace(late, shown_m_s2=1.0)
+    assert weakness(both) == (
+        "the base brakes with 1.00 m/s², configured are 1.50, and slows down after 0.15 s, configured are 0.05"
+    )
+
+
+def test_a_measured_dead_time_counts_wherever_a_configured_one_does() -> None:
+    """In the reaction time, the reach, the time that braking takes, and the patience with a base that lags."""
+    shown, told = replace(CONFIG, shown_dead_s=0.2), replace(CONFIG, base_dead_time_s=0.2)
+    assert shown.late_s == told.late_s == pytest.approx(CONFIG.late_s + 0.2)
+    assert shown.reach_m == told.reach_m > CONFIG.reach_m
+    stuck_s: list[float] = []
+    for config in (CONFIG, told):
+        law = driving(config)
+        began_s = law.now_s
+        while tick(law, FORWARD, STANDSTILL).output == FORWARD:
+            assert law.now_s - began_s < 1.0
+        stuck_s.append(law.now_s - began_s)
+    assert stuck_s[1] - stuck_s[0] == pytest.approx(0.2, abs=TICK_S / 2)
+
+
+@pytest.mark.parametrize("turn_rad_s", [0.0, 2.0])
+def test_a_late_base_approaches_as_if_its_dead_time_had_been_configured(turn_rad_s: float) -> None:
+    """It has shown the dead time in a drive or in a turn on the spot."""
+    late, configured = Law(), Law(config=replace(CONFIG, base_dead_time_s=0.2))
+    drives = Velocity(0.0 if turn_rad_s else 0.5, turn_rad_s)
+    tick(late, NEUTRAL, STANDSTILL)
+    for _ in range(50):
+        tick(late, drives, drives)
+    for _ in range(11):  # the sample of the first tick with zero is from before it
+        tick(late, NEUTRAL, drives)
+    for share in (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.0):
+        tick(late, NEUTRAL, Velocity(share * drives.linear_m_s, share * drives.angular_rad_s))
+    assert late.state.config.dead_time_s == pytest.approx(0.2, abs=0.01)
+    limited: list[Decision] = []
+    for one in (late, configured):
+        one.ranges = ring(ahead_m=1.0)
+        one.hold(0.1, ("teleop", NEUTRAL))
+        limited.append(tick(one, Velocity(1.0, 0.0), STANDSTILL))
+    assert limited[0].mode is Mode.LIMITED
+    assert limited[0].limit is Limit.BASE_WEAK
+    assert limited[0].output.linear_m_s == pytest.approx(limited[1].output.linear_m_s, rel=0.02)
 
 
 def test_a_weak_base_approaches_as_if_its_brakes_had_been_configured() -> None:
