@@ -32,10 +32,24 @@ STOP_LIMIT_S = 3.0
 GOOD_S = 1.0
 """At 1 m/s, a base that stops within this time travels about 1 m after its computer dies."""
 
+LONGEST_S = 2.0
+"""The longest `base_timeout_s` that `[supervisor]` accepts."""
+
 MakeNode = Callable[[Callable[[BaseException], None]], Awaitable[Ros]]
 """Returns the node; its argument is called on any thread with an exception of a callback."""
 
 EXIT_NO_TIMEOUT, EXIT_NOT_MEASURED = 1, 3
+
+
+def advice(took_s: float, clock_problem: str | None) -> str:
+    """Return what to do about a base that stood `took_s` after its last command."""
+    least_s = math.ceil(100.0 * took_s) / 100.0
+    setting = f"set base_timeout_s in [supervisor] to at least {least_s:.2f}"
+    if took_s <= GOOD_S:
+        return setting
+    remedy = clock_problem or "reduce the cmd_vel timeout of the base's controller, to 0.25 s for example"
+    is_long = f"more than {GOOD_S:g} s is long: {remedy}"
+    return f"{is_long}\nuntil then, {setting}" if least_s <= LONGEST_S else is_long
 
 
 async def check_base(
@@ -152,14 +166,7 @@ class _Check:
         if await self._until(lambda: abs(self._turn_rad_s) < STANDING_RAD_S, STOP_LIMIT_S):
             took_s = self._loop.time() - silent_s
             print(f"the base stood {took_s:.2f} s after its last command: it has a timeout of its own")
-            if took_s > GOOD_S:
-                remedy = self._clock_problem(ahead=False) or (
-                    "reduce the cmd_vel timeout of the base's controller, to 0.25 s for example"
-                )
-                print(f"more than {GOOD_S:g} s is long: {remedy}")
-            else:
-                least_s = math.ceil(100.0 * took_s) / 100.0
-                print(f"set base_timeout_s in [supervisor] to at least {least_s:.2f}")
+            print(advice(took_s, self._clock_problem(ahead=False)))
             return 0
         if self._stop.is_set():
             return self._not_measured("ended by a signal")

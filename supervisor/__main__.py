@@ -13,8 +13,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from supervisor.blackbox.recorder import BlackBox, ThreadWriter
-from supervisor.config import SupervisorSection, fit_to_base
+from supervisor.config import SupervisorSection, fit_to_base, is_base_known
 from supervisor.estop_record import EstopRecord, RecordFiles, record_path
+from supervisor.law.model import LawConfig
 from supervisor.service import SupervisorService
 from wire.host.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.host.config import BaseSection, BusSection, ConfigError, Section, read_sections
@@ -44,12 +45,12 @@ def open_record(directory: Path, namespace: str) -> EstopRecord:
     return record
 
 
-def black_box(config: SupervisorSection) -> BlackBox:
+def black_box(config: SupervisorSection, law: LawConfig) -> BlackBox:
     """Return the black box for a configuration."""
     directory = state_directory() / "blackbox" if config.black_box_dir is None else Path(config.black_box_dir)
     writer = ThreadWriter(directory, max_files=config.black_box_files)
     lidar_topics = [lidar.topic for lidar in config.all_lidars()]
-    return BlackBox(config.law(), writer, window_s=config.black_box_s, lidar_topics=lidar_topics)
+    return BlackBox(law, writer, window_s=config.black_box_s, lidar_topics=lidar_topics)
 
 
 def main() -> None:
@@ -70,7 +71,8 @@ def main() -> None:
         sections = read_sections(document, models, fit_to_base)
         bus_section, config = sections[BusSection], sections[SupervisorSection]
         contract = config.contract(bus_section.more_keys)
-        recorder, directory = black_box(config), state_directory()
+        law = config.law(is_base_known=is_base_known(document))
+        recorder, directory = black_box(config, law), state_directory()
     except ConfigError as error:
         refuse("supervisor", error)
     log_to_stderr()
@@ -89,7 +91,8 @@ def main() -> None:
                 _log.info("connecting to the router %s", " and ".join(bus_section.routers))
             record = await asyncio.to_thread(open_record, directory, bus_section.namespace)
             suspended_s = SuspendMeter().suspended_s
-            await SupervisorService(bus, config, recorder, record, suspended_s, notifier).run(stop)
+            service = SupervisorService(bus, config, recorder, record, suspended_s, notifier, law)
+            await service.run(stop)
         finally:
             await bus.close()
         return 0

@@ -1,7 +1,7 @@
 """The section `[supervisor]` of robot.toml, checked completely before any process starts: by itself, and against the base."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 from typing import Annotated, Any, Literal, Self
 
@@ -408,8 +408,12 @@ class SupervisorSection(Section):
                 )
         return Contract(sources, lidars, tuple(more_keys), self.station_names())
 
-    def law(self) -> LawConfig:
-        """Return the configuration of the pure law."""
+    def law(self, *, is_base_known: bool = True) -> LawConfig:
+        """Return the configuration of the pure law.
+
+        Args:
+            is_base_known: whether the configuration describes the base; if not, it is slow until a stop has measured it.
+        """
         same = {f.name: getattr(self, f.name) for f in fields(LawConfig) if f.name in type(self).model_fields}
         own: dict[str, Any] = {
             "sources": tuple(SourceConfig(s.name, s.priority) for s in self.sources),
@@ -419,11 +423,27 @@ class SupervisorSection(Section):
                 for s in self.all_lidars()
             ),
             "estop_stations": tuple(StationConfig(s.name, s.required) for s in self.estop_stations or ()),
+            "unmeasured_m_s": math.inf if is_base_known else UNMEASURED_M_S,
         }
         return LawConfig(**(same | own))
 
 
 # --- against the base
+
+UNMEASURED_M_S = 0.5
+"""Fastest speed of a base of which nothing is known: one with a third of the default braking and 0.2 s of dead time does not
+touch. More than the 0.4 m/s from which a stop measures it."""
+
+
+def is_base_known(document: Mapping[str, Any]) -> bool:
+    """Return whether a configuration describes how the base brakes: itself, or because it means the simulated base.
+
+    Args:
+        document: the configuration, with valid sections; one that describes no robot means the simulated one.
+    """
+    describes_robot = "supervisor" in document or "ros2" in document
+    return not describes_robot or "sim" in document or "deceleration_m_s2" in document.get("supervisor", {})
+
 
 TICKS_IN_BASE_TIMEOUT = 2.0
 

@@ -18,7 +18,7 @@ from supervisor.estop_record import NO_DISK, PRESSED, MemoryRecord, Record
 from supervisor.law.decision import Decision, Mode
 from supervisor.law.estop_stations import Presence, TokenEnd
 from supervisor.law.interlock import Reply
-from supervisor.law.model import Inputs, Liveliness
+from supervisor.law.model import Inputs, LawConfig, Liveliness
 from supervisor.law.safety import initial_state, runs_out_s, step
 from supervisor.law.scan import LaserScan
 from supervisor.law.state import State
@@ -66,6 +66,7 @@ class SupervisorService:
         estop_record: keeps a pressed e-stop across restarts; with None, the robot does not move.
         suspended_s: returns how long the machine was suspended since the last call [s].
         notifier: reports that the loop runs, after each decision; None reports nothing.
+        law: the configuration of the law; None: that of `config`, which then describes the base.
     """
 
     def __init__(
@@ -76,6 +77,7 @@ class SupervisorService:
         estop_record: Record | None = None,
         suspended_s: Callable[[], float] = never_suspended,
         notifier: Notifier | None = None,
+        law: LawConfig | None = None,
     ) -> None:
         self._bus = bus
         self._notifier = Notifier() if notifier is None else notifier
@@ -85,7 +87,7 @@ class SupervisorService:
         self._tick_s = 1.0 / config.tick_hz
         self._status_s = 1.0 / config.status_hz
         self._loop = asyncio.get_running_loop()
-        self._state = initial_state(config.law(), estop=self._estop_record.latched_at_start)
+        self._state = initial_state(law or config.law(), estop=self._estop_record.latched_at_start)
         self._turns = Turns(self._turn, self._has_news)
         self._next_tick_s = 0.0
         self._stall = StallMeter(self._loop.time())

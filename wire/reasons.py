@@ -31,6 +31,7 @@ class Limit(StrEnum):
     """What reduces the speed, beside the barrier, without a stop: named in the status after the causes."""
 
     COMMAND_AGE = "COMMAND_AGE"
+    BASE_UNMEASURED = "BASE_UNMEASURED"
     BASE_WEAK = "BASE_WEAK"
 
 
@@ -161,6 +162,12 @@ LIMIT_WORDS: Mapping[Limit, Words] = {
         over="commands came too rarely for the speed",
         caption="commands too rare for this speed",
         step="slow down, or mend the connection",
+    ),
+    Limit.BASE_UNMEASURED: Words(
+        now="the brakes of the base are unknown",
+        over="the brakes of the base were unknown",
+        caption="base not measured",
+        step="stop once from 0.4 m/s, which measures the base, or set deceleration_m_s2",
     ),
     Limit.BASE_WEAK: Words(
         now="the base brakes worse, or reacts later, than configured",

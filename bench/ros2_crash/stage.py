@@ -45,6 +45,7 @@ HELD_KEYS = {Teleop.LAB: None, Teleop.KEYBOARD: "i"}
 # teleop_twist_keyboard publishes only on key events: its command is held until the key repeats.
 CONFIG = """
 [supervisor]
+deceleration_m_s2 = 1.5
 sources = [{{ name = "teleop", priority = 100 }}, {{ name = "keyboard", priority = 90 }}]
 [ros2]
 sources = [

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from ros2.config import Ros2Section
-from supervisor.config import NamedLidarSection, SupervisorSection
+from supervisor.config import UNMEASURED_M_S, NamedLidarSection, SupervisorSection
+from supervisor.law.base_braking import LEAST_SPEED_M_S
 from wire.host.config import BaseSection, BusSection
 from wire.tls import is_loopback
 
@@ -152,7 +153,13 @@ def _of_base(config: SupervisorSection, base: BaseSection | None) -> Iterator[Ri
             "A base that moves without a command or ignores commands is not detected, and neither is a frozen scan while the base "
             "moves without a command.",
         )
-    if base is None:
+    if base is None and "deceleration_m_s2" not in config.model_fields_set:
+        yield Risk(
+            "no deceleration_m_s2",
+            f"Until a stop from {LEAST_SPEED_M_S:g} m/s has measured the brakes of the base, it drives at most {UNMEASURED_M_S:g} "
+            "m/s: measure them fully loaded, and set the number.",
+        )
+    elif base is None:
         yield Risk(
             f"deceleration_m_s2 = {config.deceleration_m_s2:g}",
             "The file has no [sim], so nothing proves that the base brakes this hard: measure it, fully loaded.",

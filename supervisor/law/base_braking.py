@@ -77,20 +77,20 @@ although the law uses the longer time at once."""
 class Line(NamedTuple):
     """Sums over the samples through which a line is fitted: time [s] since zero was commanded, speed [m/s]."""
 
-    count: int = 0
+    n: int = 0
     t: float = 0.0
     v: float = 0.0
     tt: float = 0.0
     tv: float = 0.0
 
     def add(self, t_s: float, v_m_s: float) -> "Line":
-        return Line(self.count + 1, self.t + t_s, self.v + v_m_s, self.tt + t_s * t_s, self.tv + t_s * v_m_s)
+        return Line(self.n + 1, self.t + t_s, self.v + v_m_s, self.tt + t_s * t_s, self.tv + t_s * v_m_s)
 
     def brakes_m_s2(self) -> float:
         """Return the deceleration of the least squares; infinite through fewer than two samples."""
-        if self.count < 2:
+        if self.n < 2:
             return math.inf
-        return (self.t * self.v - self.count * self.tv) / (self.count * self.tt - self.t * self.t)
+        return (self.t * self.v - self.n * self.tv) / (self.n * self.tt - self.t * self.t)
 
 
 NO_LINE = Line()

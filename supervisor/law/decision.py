@@ -76,6 +76,8 @@ def detail_of(
     """
     if not causes and limit is Limit.BASE_WEAK:
         return weakness
+    if not causes and limit is Limit.BASE_UNMEASURED:
+        return "deceleration_m_s2 is not configured, and no stop has been measured yet"
     if not causes and limit is not None:
         return "blind_budget_m permits less than this speed" if is_too_fast else "the next command is late"
     where = bearing_in_words(block_bearing_rad)

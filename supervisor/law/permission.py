@@ -41,6 +41,14 @@ def renewed(age_s: float, commanded: Velocity, config: LawConfig) -> float:
     return permitted_m_s / speed_m_s
 
 
+def measured(commanded: Velocity, config: LawConfig) -> float:
+    """Return the share of a motion that is permitted to a base whose stops have shown nothing yet; infinite after the first."""
+    speed_m_s = config.rim_speed_m_s(commanded)
+    if math.isfinite(config.shown_m_s2) or speed_m_s == 0.0:
+        return math.inf
+    return config.unmeasured_m_s / speed_m_s
+
+
 def points_in_reach(
     sight: Sight, base: Base, config: LawConfig, now_s: float, scans: Usable, commanded: Velocity
 ) -> list[KnownPoints]:

@@ -27,7 +27,7 @@ from supervisor.law.decision import Decision, Mode, by_severity, detail_of
 from supervisor.law.estop_stations import detail_of as detail_of_stations
 from supervisor.law.interlock import BARRIER_REASONS, Reply
 from supervisor.law.model import Inputs, LawConfig, Reasons
-from supervisor.law.permission import barrier, points_in_reach, renewed
+from supervisor.law.permission import barrier, measured, points_in_reach, renewed
 from supervisor.law.reckoning import STANDSTILL, Velocity
 from supervisor.law.sight import LidarState, Sight, Usable
 from supervisor.law.state import Clock, State
@@ -162,9 +162,12 @@ def _decide(
     output = STANDSTILL
     if not reasons and commanded != STANDSTILL:
         assert owner is not None  # without one, there is a reason
-        permitted = renewed(now_s - owner.sent_s, commanded, config)
-        if permitted < scale:
-            scale, limit = permitted, Limit.COMMAND_AGE
+        for permitted, reduces in (
+            (renewed(now_s - owner.sent_s, commanded, config), Limit.COMMAND_AGE),
+            (measured(commanded, config), Limit.BASE_UNMEASURED),
+        ):
+            if permitted < scale:
+                scale, limit = permitted, reduces
         output = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
     if not reasons and limit is None and bases.weakness(config):
         limit = Limit.BASE_WEAK

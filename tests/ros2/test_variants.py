@@ -52,6 +52,7 @@ def test_the_wrong_type_of_the_base_is_reported_with_the_key_to_change(
     ("timeout", "code", "sentence"),
     [
         ("0.5", 0, "it has a timeout of its own\nset base_timeout_s in [supervisor] to at least 0."),
+        ("1.5", 0, "to 0.25 s for example\nuntil then, set base_timeout_s in [supervisor] to at least 1."),
         ("none", 1, "it keeps its last command"),
     ],
 )

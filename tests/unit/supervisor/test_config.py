@@ -1,11 +1,12 @@
 """`[supervisor]`: numbers that are valid alone but contradict each other."""
 
 import math
+import tomllib
 from typing import Any
 
 import pytest
 
-from supervisor.config import SupervisorSection
+from supervisor.config import SupervisorSection, is_base_known
 from supervisor.law.lidar import PROFILES, TIMINGS
 from wire.host.config import TAKEN_NAMES, ConfigError, section
 
@@ -84,6 +85,28 @@ def test_timeout_dead_time_and_latency_reach_the_law() -> None:
     law = load(base_dead_time_s=0.1, base_timeout_s=0.5, lidar={"latency_s": 0.05}).law()
     assert (law.base_dead_time_s, law.base_timeout_s, law.lidars[0].latency_s) == (0.1, 0.5, 0.05)
     assert law.shown_m_s2 == math.inf
+
+
+@pytest.mark.parametrize(
+    ("toml", "is_known"),
+    [
+        ("", True),
+        ("[bus]\nnamespace = 'r1'", True),
+        ("[supervisor]\nstop_distance_m = 0.4", False),
+        ("[supervisor]", False),
+        ("[ros2]\nscan = 'scan'", False),
+        ("[supervisor]\ndeceleration_m_s2 = 1.5", True),
+        ("[supervisor]\ndeceleration_m_s2 = 1.5\n[ros2]", True),
+        ("[supervisor]\nstop_distance_m = 0.4\n[sim]", True),
+        ("[ros2]\n[sim]", True),
+    ],
+)
+def test_a_file_that_describes_a_robot_without_its_brakes_leaves_the_base_unknown(
+    toml: str, *, is_known: bool
+) -> None:
+    assert is_base_known(tomllib.loads(toml)) is is_known
+    law = SupervisorSection().law(is_base_known=is_known)
+    assert law.unmeasured_m_s == (math.inf if is_known else 0.5)
 
 
 def test_the_time_for_transport_includes_a_tick() -> None:

@@ -538,7 +538,7 @@ def test_it_goes_into_the_state_directory_or_where_the_configuration_sends_it(
     config = SupervisorSection(
         black_box_dir=str(there) if is_configured else None, black_box_s=1.0, black_box_files=1
     )
-    drive = Drive(black_box(config))
+    drive = Drive(black_box(config, config.law()))
     for _ in range(2):
         drive.hold(3.0)
         drive.drive()

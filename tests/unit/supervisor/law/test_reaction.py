@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 
+from supervisor.config import UNMEASURED_M_S
 from supervisor.law import permission
 from supervisor.law.base_braking import KEPT, Braking
 from supervisor.law.decision import Mode
@@ -140,6 +141,15 @@ def test_a_command_acts_late_and_two_stops_have_shown_it(dead_s: float, speed_m_
     assert shown.shown_dead_s == pytest.approx((acts_s, acts_s), abs=1e-3)
     assert nearest_m(CONFIG, robot) < 0.285
     assert nearest_m(CONFIG, robot, braking=shown) >= 0.285
+
+
+@pytest.mark.parametrize("start_m", [0.4, 0.5, 0.6, 0.7, 0.85, 1.0, 1.5, 2.5])
+def test_a_base_of_which_nothing_is_known_does_not_touch(start_m: float) -> None:
+    """It brakes with a third of the default, after a dead time of 0.2 s."""
+    robot = Robot(braking_m_s2=0.5, dead_s=0.2)
+    assert nearest_m(replace(CONFIG, unmeasured_m_s=UNMEASURED_M_S), robot, start_m=start_m) >= 0.05
+    if start_m > 1.0:
+        assert nearest_m(CONFIG, robot, start_m=start_m) < 0.0
 
 
 @pytest.mark.parametrize("braking_m_s2", [0.75, 1.5, 2.0])

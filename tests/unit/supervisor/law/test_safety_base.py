@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from supervisor.config import SupervisorSection
 from supervisor.law.base import weakness
 from supervisor.law.base_braking import LATE_S, Braking
 from supervisor.law.base_motion import PATIENCE_S
-from supervisor.law.clearance import ConvexPolygon
+from supervisor.law.clearance import Circle, ConvexPolygon
 from supervisor.law.decision import Decision, Mode
 from supervisor.law.model import Inputs, LawConfig, Odometry
 from supervisor.law.permission import PRESENT_SHARE
@@ -359,6 +360,70 @@ def test_a_scan_that_was_long_on_its_way_belongs_where_the_robot_was() -> None:
     assert reading.view is not None
     assert reading.taken_s == pytest.approx(now_s - 0.15)
     assert state.base.odometer.pose.x_m - reading.view.pose.x_m == pytest.approx(0.5 * 0.15, abs=1e-3)
+
+
+# --- BASE_UNMEASURED
+
+UNKNOWN = SupervisorSection().law(is_base_known=False)
+
+
+def asked(law: Law, command: Velocity) -> Decision:
+    """The decision for a command to a base that stands."""
+    tick(law, NEUTRAL, STANDSTILL)
+    return tick(law, command, STANDSTILL)
+
+
+@pytest.mark.parametrize(
+    "command", [Velocity(1.0, 0.0), Velocity(-1.0, 0.5), Velocity(math.nextafter(0.5, 1.0), 2.0)]
+)
+def test_a_base_of_which_nothing_is_known_drives_half_a_metre_per_second(command: Velocity) -> None:
+    decision = asked(Law(config=UNKNOWN, room_m=6.0), command)
+    assert (decision.mode, decision.limit, decision.reasons) == (Mode.LIMITED, Limit.BASE_UNMEASURED, ())
+    assert abs(decision.output.linear_m_s) == pytest.approx(0.5)
+    share = decision.output.linear_m_s / command.linear_m_s
+    assert decision.output.angular_rad_s == pytest.approx(share * command.angular_rad_s), (
+        "the arc keeps its shape"
+    )
+    assert decision.detail == "deceleration_m_s2 is not configured, and no stop has been measured yet"
+
+
+def test_a_base_of_which_nothing_is_known_turns_so_fast_that_its_rim_moves_as_fast() -> None:
+    wide = replace(UNKNOWN, hull=Circle(0.5))
+    decision = asked(Law(config=wide, room_m=6.0), Velocity(0.0, 2.0))
+    assert decision.output == pytest.approx((0.0, 1.0))
+    assert decision.limit is Limit.BASE_UNMEASURED
+
+
+@pytest.mark.parametrize("command", [Velocity(0.5, 0.0), Velocity(0.5, 2.0), Velocity(0.0, -2.0)])
+def test_an_unknown_base_obeys_a_slower_command(command: Velocity) -> None:
+    decision = asked(Law(config=UNKNOWN, room_m=6.0), command)
+    assert (decision.mode, decision.limit, decision.output) == (Mode.DRIVING, None, command)
+
+
+def test_one_stop_ends_the_limit_of_an_unknown_base() -> None:
+    law = Law(config=UNKNOWN, room_m=6.0)
+    assert stops_with(law, 2.0, speed_m_s=0.41).limit is None
+    decision = tick(law, Velocity(1.0, 0.0), STANDSTILL)
+    assert (decision.mode, decision.limit, decision.output.linear_m_s) == (Mode.DRIVING, None, 1.0)
+
+
+def test_of_two_limits_the_lower_one_is_named() -> None:
+    law = Law(config=UNKNOWN, room_m=6.0)
+    asked(law, Velocity(1.0, 0.0))
+    limits: list[Limit | None] = []
+    for _ in range(8):
+        limits.append(law.tick(odometry=odometry(0.0, law.now_s + TICK_S)).limit)
+    assert limits[0] is Limit.BASE_UNMEASURED
+    assert limits[-1] is Limit.COMMAND_AGE
+    assert law.decision.output.linear_m_s < 0.5
+
+
+def test_an_obstacle_may_limit_an_unknown_base_further() -> None:
+    law = Law(config=UNKNOWN)
+    law.ranges = ring(ahead_m=0.65)
+    decision = asked(law, Velocity(1.0, 0.0))
+    assert (decision.mode, decision.limit) == (Mode.LIMITED, None)
+    assert 0.0 < decision.output.linear_m_s < 0.5
 
 
 # --- BASE_WEAK
