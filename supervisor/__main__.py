@@ -12,6 +12,7 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+from supervisor.base_record import BaseFile, BaseRecord
 from supervisor.blackbox.recorder import BlackBox, ThreadWriter
 from supervisor.config import SupervisorSection, fit_to_base, is_base_known
 from supervisor.estop_record import EstopRecord, RecordFiles, record_path
@@ -91,7 +92,8 @@ def main() -> None:
                 _log.info("connecting to the router %s", " and ".join(bus_section.routers))
             record = await asyncio.to_thread(open_record, directory, bus_section.namespace)
             suspended_s = SuspendMeter().suspended_s
-            service = SupervisorService(bus, config, recorder, record, suspended_s, notifier, law)
+            shown = await asyncio.to_thread(BaseRecord, BaseFile(directory, bus_section.namespace, law))
+            service = SupervisorService(bus, config, recorder, record, suspended_s, notifier, law, shown)
             await service.run(stop)
         finally:
             await bus.close()

@@ -12,9 +12,11 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 
+from supervisor.base_record import BaseRecord
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import NO_DISK, PRESSED, MemoryRecord, Record
+from supervisor.law.base_braking import UNMEASURED
 from supervisor.law.decision import Decision, Mode
 from supervisor.law.estop_stations import Presence, TokenEnd
 from supervisor.law.interlock import Reply
@@ -67,6 +69,7 @@ class SupervisorService:
         suspended_s: returns how long the machine was suspended since the last call [s].
         notifier: reports that the loop runs, after each decision; None reports nothing.
         law: the configuration of the law; None: that of `config`, which then describes the base.
+        base_record: keeps what the base shows at its stops across restarts; None keeps nothing.
     """
 
     def __init__(
@@ -78,6 +81,7 @@ class SupervisorService:
         suspended_s: Callable[[], float] = never_suspended,
         notifier: Notifier | None = None,
         law: LawConfig | None = None,
+        base_record: BaseRecord | None = None,
     ) -> None:
         self._bus = bus
         self._notifier = Notifier() if notifier is None else notifier
@@ -87,7 +91,12 @@ class SupervisorService:
         self._tick_s = 1.0 / config.tick_hz
         self._status_s = 1.0 / config.status_hz
         self._loop = asyncio.get_running_loop()
-        self._state = initial_state(law or config.law(), estop=self._estop_record.latched_at_start)
+        self._base_record = base_record
+        self._state = initial_state(
+            law or config.law(),
+            estop=self._estop_record.latched_at_start,
+            braking=UNMEASURED if base_record is None else base_record.at_start,
+        )
         self._turns = Turns(self._turn, self._has_news)
         self._next_tick_s = 0.0
         self._stall = StallMeter(self._loop.time())
@@ -152,6 +161,8 @@ class SupervisorService:
             for token in tokens:
                 token.withdraw()
             self._estop_record.close()
+            if self._base_record is not None:
+                self._base_record.close()
             if self._black_box is not None:
                 self._black_box.close()
 
@@ -174,6 +185,8 @@ class SupervisorService:
         self._publish(decision, now_s, on_tick=on_tick)
         if challenge:
             self._challenge(decision, challenge)
+        if self._base_record is not None:
+            self._base_record.keep(self._state.base.braking)
         if self._black_box is not None:
             self._black_box.record(now_s, inputs, before, decision)
         self._notifier.running(now_s)  # last: a turn that hangs anywhere reports nothing

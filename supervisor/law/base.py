@@ -74,10 +74,15 @@ def brake(base: Base, config: LawConfig, odometry: Odometry | None) -> tuple[Bas
         stopped_s=base.stopped_s,
         standing_m_s=config.residual.linear_m_s,
     )
+    return base._replace(braking=braking), shown_by(braking, config)
+
+
+def shown_by(braking: Braking, config: LawConfig) -> LawConfig:
+    """Return the configuration with what the base has shown at its stops."""
     shown_m_s2, shown_dead_s = bound_m_s2(braking), bound_dead_s(braking)
-    if (shown_m_s2, shown_dead_s) != (config.shown_m_s2, config.shown_dead_s):
-        config = replace(config, shown_m_s2=shown_m_s2, shown_dead_s=shown_dead_s)
-    return base._replace(braking=braking), config
+    if (shown_m_s2, shown_dead_s) == (config.shown_m_s2, config.shown_dead_s):
+        return config
+    return replace(config, shown_m_s2=shown_m_s2, shown_dead_s=shown_dead_s)
 
 
 def weakness(config: LawConfig) -> str:

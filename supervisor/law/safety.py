@@ -22,6 +22,7 @@ from supervisor.law import base as bases
 from supervisor.law import interlock as interlocks
 from supervisor.law import sight as sights
 from supervisor.law.base import Base
+from supervisor.law.base_braking import UNMEASURED, Braking
 from supervisor.law.clearance import Block, Kind
 from supervisor.law.decision import Decision, Mode, by_severity, detail_of
 from supervisor.law.estop_stations import detail_of as detail_of_stations
@@ -41,15 +42,17 @@ RELEASED_FACTOR = 5.0
 """Hysteresis: a block ends when the barrier would permit this many times the minimum useful speed; readings are noisy."""
 
 
-def initial_state(config: LawConfig, *, estop: bool = False) -> State:
+def initial_state(config: LawConfig, *, estop: bool = False, braking: Braking = UNMEASURED) -> State:
     """Return the state at the start: stopped, without any command or scan.
 
     Args:
         config: the law's configuration.
         estop: whether an earlier e-stop has not been reset.
+        braking: what the base has shown at earlier stops.
     """
     sight = Sight(tuple(LidarState() for _ in config.lidars))
-    return State(config, interlocks.initial(config, estop=estop), Base(), sight, Clock())
+    config = bases.shown_by(braking, config)
+    return State(config, interlocks.initial(config, estop=estop), Base(braking=braking), sight, Clock())
 
 
 def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:

@@ -10,9 +10,11 @@ import numpy as np
 from sim.config import SimSection
 from sim.plant import Plant
 from sim.service import SimService
+from supervisor.base_record import BaseRecord
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import MemoryRecord, Record
+from supervisor.law.model import LawConfig
 from supervisor.service import SupervisorService
 from virtual.network import VirtualBus, VirtualNetwork
 from wire import messages, topics
@@ -66,11 +68,21 @@ class Rig:
         black_box: BlackBox | None = None,
         estop_record: Record | None = None,
         suspended_s: Callable[[], float] = never_suspended,
+        law: LawConfig | None = None,
+        base_record: BaseRecord | None = None,
     ) -> AsyncGenerator[VirtualBus]:
         bus = self.network.open_joined(topics.SUPERVISOR)
         stop = asyncio.Event()
         record = estop_record or MemoryRecord()
-        service = SupervisorService(bus, config or SupervisorSection(), black_box, record, suspended_s)
+        service = SupervisorService(
+            bus,
+            config or SupervisorSection(),
+            black_box,
+            record,
+            suspended_s,
+            law=law,
+            base_record=base_record,
+        )
         running = asyncio.create_task(service.run(stop))
         try:
             yield bus

@@ -410,9 +410,7 @@ def test_one_stop_ends_the_limit_of_an_unknown_base() -> None:
 def test_of_two_limits_the_lower_one_is_named() -> None:
     law = Law(config=UNKNOWN, room_m=6.0)
     asked(law, Velocity(1.0, 0.0))
-    limits: list[Limit | None] = []
-    for _ in range(8):
-        limits.append(law.tick(odometry=odometry(0.0, law.now_s + TICK_S)).limit)
+    limits = [law.tick(odometry=odometry(0.0, law.now_s + TICK_S)).limit for _ in range(8)]
     assert limits[0] is Limit.BASE_UNMEASURED
     assert limits[-1] is Limit.COMMAND_AGE
     assert law.decision.output.linear_m_s < 0.5
@@ -424,6 +422,15 @@ def test_an_obstacle_may_limit_an_unknown_base_further() -> None:
     decision = asked(law, Velocity(1.0, 0.0))
     assert (decision.mode, decision.limit) == (Mode.LIMITED, None)
     assert 0.0 < decision.output.linear_m_s < 0.5
+
+
+def test_what_the_base_has_shown_before_counts_from_the_start() -> None:
+    shown = Braking(shown_m_s2=(1.0,), shown_dead_s=(0.2,))
+    for config in (CONFIG, UNKNOWN):
+        state = initial_state(config, braking=shown)
+        assert state.base.braking == shown
+        assert (state.config.braking_m_s2, state.config.dead_time_s) == (1.0, 0.2)
+    assert initial_state(CONFIG).config == CONFIG
 
 
 # --- BASE_WEAK

@@ -1,0 +1,209 @@
+"""What the base has shown of its brakes and its dead time, kept across restarts of the supervisor.
+
+`BaseFile` stores the results of the last stops in the state directory, beside the e-stop record:
+
+    base-robot.json   of the namespace `robot`, with a hash of the law's configuration
+
+A file that is damaged, or of another configuration, is ignored with one sentence: the base then counts as not measured.
+`BaseRecord` reads and writes it on a thread of its own, so that no call waits for the disk after the start. A file that cannot
+be written is a warning and no stop: the present supervisor still knows the results.
+"""
+
+import hashlib
+import json
+import logging
+import math
+import os
+import queue
+import stat
+import threading
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+from supervisor.law.base_braking import (
+    GREATEST_M_S2,
+    KEPT,
+    LEAST_M_S2,
+    LONGEST_DEAD_S,
+    UNMEASURED,
+    Braking,
+)
+from supervisor.law.model import LawConfig
+from wire.ownership import make_directory, open_own, refusal
+from wire.text import printable
+
+_log = logging.getLogger(__name__)
+
+FORMAT = 1
+MAX_BYTES = 4096
+"""More than twenty numbers and a hash take."""
+READ_LIMIT_S = 1.0
+CLOSE_LIMIT_S = 0.5
+
+
+def hash_of(law: LawConfig) -> str:
+    """Return a hash of the configuration of the law, without what the law has measured."""
+    configured = replace(law, shown_m_s2=math.inf, shown_dead_s=0.0)
+    return hashlib.sha256(repr(configured).encode()).hexdigest()
+
+
+class BaseFile:
+    """The results of one robot in one directory. All calls may block on the disk.
+
+    Args:
+        directory: created if it is missing.
+        namespace: the robot's namespace; each has its own file.
+        law: the configuration of the law.
+    """
+
+    def __init__(self, directory: Path, namespace: str, law: LawConfig) -> None:
+        self._directory = directory
+        self.path = directory / f"base-{namespace}.json"
+        self._law = hash_of(law)
+
+    def read(self) -> Braking:
+        """Return the results of the last stops; none if there is no file.
+
+        Raises:
+            OSError: the file cannot be read.
+            ValueError: it is not trusted, damaged, or of another configuration; the message says which.
+        """
+        try:
+            file = open_own(self.path, os.O_RDONLY | os.O_NONBLOCK)
+        except FileNotFoundError:
+            return UNMEASURED
+        with open(file, "rb") as opened:  # noqa: PTH123 - a descriptor
+            if not stat.S_ISREG(os.fstat(file).st_mode):
+                raise ValueError("it is no file")
+            content = opened.read(MAX_BYTES + 1)
+        refused = refusal(self._directory) or refusal(self.path)
+        if refused is not None:
+            raise ValueError(refused)
+        return self._parse(content)
+
+    def write(self, braking: Braking) -> None:
+        """Replace the file atomically and durably.
+
+        Raises:
+            OSError: it cannot be written.
+            ValueError: other users can change the directory.
+        """
+        make_directory(self._directory)
+        refused = refusal(self._directory)
+        if refused is not None:
+            raise ValueError(refused)
+        document = {
+            "format": FORMAT,
+            "law": self._law,
+            "braking_m_s2": braking.shown_m_s2,
+            "dead_time_s": braking.shown_dead_s,
+        }
+        new = self.path.with_suffix(".new")
+        new.unlink(missing_ok=True)  # what has its name may be a link, or a pipe that blocks
+        with open(new, "xb", opener=_open_private) as file:
+            file.write(json.dumps(document).encode())
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(self.path)
+        directory = os.open(self._directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            os.fsync(directory)
+        finally:
+            os.close(directory)
+
+    def _parse(self, content: bytes) -> Braking:
+        if len(content) > MAX_BYTES:
+            raise ValueError("it is too long")
+        try:
+            document = json.loads(content)
+        except (ValueError, RecursionError):
+            raise ValueError("it is damaged") from None
+        values = cast("dict[str, Any]", document) if isinstance(document, dict) else {}
+        if values.get("format") != FORMAT:
+            raise ValueError("it has another format")
+        if values.get("law") != self._law:
+            raise ValueError("it was measured with another configuration")
+        return UNMEASURED._replace(
+            shown_m_s2=_numbers(values.get("braking_m_s2"), LEAST_M_S2, GREATEST_M_S2),
+            shown_dead_s=_numbers(values.get("dead_time_s"), 0.0, LONGEST_DEAD_S),
+        )
+
+
+def _open_private(path: str, flags: int) -> int:
+    return open_own(path, flags, 0o600)
+
+
+def _numbers(value: object, least: float, most: float) -> tuple[float, ...]:
+    """Return a list of results.
+
+    Raises:
+        ValueError: it is no such list.
+    """
+    numbers = cast("list[object]", value) if isinstance(value, list) else [None]
+    good = [one for one in numbers if isinstance(one, float) and least <= one <= most]
+    if len(good) < len(numbers) or len(good) > KEPT:
+        raise ValueError("it is damaged")
+    return tuple(good)
+
+
+class BaseRecord:
+    """The results on a disk, read at the start and written by a thread after each measured stop."""
+
+    def __init__(self, file: BaseFile, *, read_limit_s: float = READ_LIMIT_S) -> None:
+        """Read the results.
+
+        Args:
+            file: the storage of the results.
+            read_limit_s: the maximum time for this; after it, the base counts as not measured.
+        """
+        self._file = file
+        # Its `put` never blocks: it takes no lock that a descheduled thread could hold.
+        self._orders: queue.SimpleQueue[Braking | None] = queue.SimpleQueue()
+        self._found = UNMEASURED
+        self._was_read, self._ended = threading.Event(), threading.Event()
+        threading.Thread(target=self._run, name="base record", daemon=True).start()
+        if not self._was_read.wait(read_limit_s):
+            _log.warning(
+                "%s was not read within %g s: the base counts as not measured", file.path, read_limit_s
+            )
+        self.at_start = self._kept = self._found
+        """What the base has shown before this start."""
+
+    def keep(self, braking: Braking) -> None:
+        """Have new results written. It never blocks, and does nothing unless a stop was measured."""
+        kept = self._kept
+        if braking.shown_m_s2 is not kept.shown_m_s2 or braking.shown_dead_s is not kept.shown_dead_s:
+            self._kept = braking
+            self._orders.put(braking)
+
+    def close(self) -> None:
+        """Let the thread write the newest results."""
+        self._orders.put(None)
+        self._ended.wait(CLOSE_LIMIT_S)
+
+    # --- called on the thread
+
+    def _run(self) -> None:
+        try:
+            self._found = self._file.read()
+        except Exception as error:  # noqa: BLE001 - after any error, nothing is known of the base
+            said = printable(str(error))
+            _log.warning("%s is ignored, so the base counts as not measured: %s", self._file.path, said)
+        self._was_read.set()
+        problem = ""
+        while (braking := self._orders.get()) is not None:
+            before, problem = problem, self._write(braking)
+            if problem and problem != before:
+                _log.warning(
+                    "what the base has shown at its stops is lost at the next start: %s", printable(problem)
+                )
+        self._ended.set()
+
+    def _write(self, braking: Braking) -> str:
+        """Write, and return why this failed; empty if it did not."""
+        try:
+            self._file.write(braking)
+        except Exception as error:  # noqa: BLE001 - supervision continues
+            return str(error) or type(error).__name__
+        return ""
