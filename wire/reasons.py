@@ -167,7 +167,7 @@ LIMIT_WORDS: Mapping[Limit, Words] = {
         now="the brakes of the base are unknown",
         over="the brakes of the base were unknown",
         caption="base not measured",
-        step="stop once from 0.4 m/s, which measures the base, or set deceleration_m_s2",
+        step="stop once from 0.4 m/s, or set deceleration_m_s2",
     ),
     Limit.BASE_WEAK: Words(
         now="the base brakes worse, or reacts later, than configured",

@@ -74,6 +74,10 @@ LATE_S = 0.04
 although the law uses the longer time at once."""
 
 
+LEAST_SPREAD_S2 = 1e-9
+"""More than the rounding error of the sums over samples of up to 10 s; less than two samples 0.1 ms apart have."""
+
+
 class Line(NamedTuple):
     """Sums over the samples through which a line is fitted: time [s] since zero was commanded, speed [m/s]."""
 
@@ -87,10 +91,9 @@ class Line(NamedTuple):
         return Line(self.n + 1, self.t + t_s, self.v + v_m_s, self.tt + t_s * t_s, self.tv + t_s * v_m_s)
 
     def brakes_m_s2(self) -> float:
-        """Return the deceleration of the least squares; infinite through fewer than two samples."""
-        if self.n < 2:
-            return math.inf
-        return (self.t * self.v - self.n * self.tv) / (self.n * self.tt - self.t * self.t)
+        """Return the deceleration of the least squares; infinite if all samples are from one time."""
+        spread = self.n * self.tt - self.t * self.t
+        return (self.t * self.v - self.n * self.tv) / spread if spread > LEAST_SPREAD_S2 else math.inf
 
 
 NO_LINE = Line()

@@ -4,6 +4,7 @@ import math
 from enum import IntEnum
 from typing import NamedTuple
 
+from supervisor.law.base_braking import LEAST_SPEED_M_S
 from supervisor.law.estop_stations import Station
 from supervisor.law.interlock import Reply, Source
 from supervisor.law.model import Counts, Reasons
@@ -77,7 +78,7 @@ def detail_of(
     if not causes and limit is Limit.BASE_WEAK:
         return weakness
     if not causes and limit is Limit.BASE_UNMEASURED:
-        return "deceleration_m_s2 is not configured, and no stop has been measured yet"
+        return f"one stop from {LEAST_SPEED_M_S:g} m/s measures the base; or set deceleration_m_s2"
     if not causes and limit is not None:
         return "blind_budget_m permits less than this speed" if is_too_fast else "the next command is late"
     where = bearing_in_words(block_bearing_rad)

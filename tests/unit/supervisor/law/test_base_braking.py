@@ -390,6 +390,15 @@ def test_a_sample_that_arrives_just_before_the_command_counts_no_distance() -> N
     assert early.line.t == 0.0
 
 
+@pytest.mark.parametrize(("apart_s", "is_one"), [(0.0, True), (1e-9, True), (1e-4, False)])
+@pytest.mark.parametrize("at_s", [0.0, 9.9])
+def test_a_line_through_samples_of_one_time_has_no_slope(
+    at_s: float, apart_s: float, *, is_one: bool
+) -> None:
+    line = NO_LINE.add(at_s, 1.0).add(at_s + apart_s, 0.9)
+    assert math.isinf(line.brakes_m_s2()) is is_one
+
+
 @pytest.mark.parametrize("deceleration_m_s2", [0.5, 2.0])
 def test_a_line_through_samples_has_their_deceleration(deceleration_m_s2: float) -> None:
     line = NO_LINE

@@ -384,7 +384,7 @@ def test_a_base_of_which_nothing_is_known_drives_half_a_metre_per_second(command
     assert decision.output.angular_rad_s == pytest.approx(share * command.angular_rad_s), (
         "the arc keeps its shape"
     )
-    assert decision.detail == "deceleration_m_s2 is not configured, and no stop has been measured yet"
+    assert decision.detail == "one stop from 0.4 m/s measures the base; or set deceleration_m_s2"
 
 
 def test_a_base_of_which_nothing_is_known_turns_so_fast_that_its_rim_moves_as_fast() -> None:
