@@ -155,7 +155,7 @@ def measure(
         return braking
     braking = braking._replace(last_m_s=speed_m_s, last_s=at_s)
     if stopped_s is None:
-        weight = 1.0 - SMOOTHING_S / (SMOOTHING_S + min(gap_s, LONGEST_GAP_S))
+        weight = 1.0 - SMOOTHING_S / (SMOOTHING_S + gap_s)
         mean_m_s = braking.mean_m_s + weight * (speed_m_s - braking.mean_m_s)
         return braking._replace(
             mean_m_s=mean_m_s,

@@ -160,7 +160,11 @@ def test_the_results_of_another_robot_are_not_read(directory: Path) -> None:
     assert BaseFile(directory, "r2", LAW).read() == UNMEASURED
 
 
-@pytest.mark.parametrize("make", [Path.mkdir, lambda path: path.symlink_to("/etc/hostname"), os.mkfifo])
+def link(path: Path) -> None:
+    path.symlink_to("/etc/hostname")
+
+
+@pytest.mark.parametrize("make", [Path.mkdir, link, os.mkfifo])
 def test_what_only_has_the_name_of_the_file_is_refused(directory: Path, make: Callable[[Path], None]) -> None:
     file = written(directory)
     file.path.unlink()

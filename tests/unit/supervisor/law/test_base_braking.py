@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from supervisor.config import SupervisorSection
 from supervisor.law import base_braking
 from supervisor.law.base_braking import (
     GREATEST_M_S2,
@@ -331,6 +332,9 @@ def test_only_the_last_dead_times_are_kept() -> None:
 
 def test_a_base_that_was_pushed_on_counts_as_the_latest_that_can_be_configured() -> None:
     assert stop(deceleration_m_s2=1.5, dead_s=1.2).shown_dead_s == (LONGEST_DEAD_S,)
+    assert SupervisorSection(base_dead_time_s=LONGEST_DEAD_S)
+    with pytest.raises(ValueError, match="base_dead_time_s"):
+        SupervisorSection(base_dead_time_s=math.nextafter(LONGEST_DEAD_S, 1.0))
     assert stop(deceleration_m_s2=1.5, dead_s=0.49).shown_dead_s == pytest.approx((0.49,), abs=0.003)
 
 
@@ -342,6 +346,33 @@ def test_only_a_base_that_has_reached_its_command_shows_its_dead_time(share: flo
         commanded_m_s = 1.0 / (1.0 + beyond * share)
         after = measure(before, 1.0, 0.02, is_driven=True, commanded_m_s=commanded_m_s)
         assert after.reached is reached
+
+
+def test_a_difference_of_exactly_a_twentieth_counts_as_reached() -> None:
+    """Numbers without rounding errors."""
+    before = Braking(mean_m_s=21.0, last_m_s=21.0, last_s=0.0)
+    assert measure(before, 21.0, 0.02, is_driven=True, commanded_m_s=20.0).reached
+    assert not measure(before, 21.0, 0.02, is_driven=True, commanded_m_s=19.99).reached
+
+
+def test_a_stop_takes_nothing_from_the_stop_before() -> None:
+    """Odometry of the second one jumps to zero, so it shows no distance and no gap."""
+    braking = samples(driven(1.0), [1.0, 1.0, 1.0, 0.8, 0.6, 0.4, 0.2, 0.0], gap_s=0.1)
+    assert len(braking.shown_m_s2) == 1
+    assert braking.shown_dead_s[0] > 0.2
+    for number in range(1, 50):
+        braking = measure(braking, 1.0, 0.8 + 0.02 * number, is_driven=True)
+    again = measure(braking, 0.0, 1.8, is_driven=False, stopped_s=1.79)
+    assert again.shown_m_s2 == braking.shown_m_s2
+    assert again.shown_dead_s == (*braking.shown_dead_s, 0.0)
+    assert again.gap_s == pytest.approx(0.02)
+
+
+def test_after_a_long_pause_the_mean_speed_is_that_of_the_newest_sample() -> None:
+    assert measure(UNMEASURED, 0.6, 5.0, is_driven=True).mean_m_s == 0.6
+    before = Braking(mean_m_s=1.0, last_m_s=1.0, last_s=0.0)
+    assert measure(before, 0.5, 0.08, is_driven=True).mean_m_s == pytest.approx(0.75)
+    assert measure(before, 0.5, 0.02, is_driven=True).mean_m_s == pytest.approx(0.9)
 
 
 def test_a_base_that_still_accelerates_shows_its_deceleration_but_no_dead_time() -> None:

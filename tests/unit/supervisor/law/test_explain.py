@@ -51,5 +51,7 @@ def test_of_several_causes_the_most_restrictive_is_explained() -> None:
 
 def test_a_limit_is_explained_only_where_nothing_stops_the_motion() -> None:
     assert detail_of(frozenset(), Limit.BASE_WEAK, weakness="the base is weak") == "the base is weak"
+    assert "0.4 m/s" in detail_of(frozenset(), Limit.BASE_UNMEASURED)
     cause = frozenset({StopReason.OBSTACLE})
+    assert detail_of(cause, Limit.BASE_UNMEASURED, block_bearing_rad=0.0).startswith("something is too close")
     assert detail_of(cause, Limit.BASE_WEAK, block_bearing_rad=0.0).startswith("something is too close")

@@ -8,7 +8,7 @@ import pytest
 
 from supervisor.config import SupervisorSection
 from supervisor.law.base import weakness
-from supervisor.law.base_braking import LATE_S, Braking
+from supervisor.law.base_braking import LATE_S, WEAK_SHARE, Braking
 from supervisor.law.base_motion import PATIENCE_S
 from supervisor.law.clearance import Circle, ConvexPolygon
 from supervisor.law.decision import Decision, Mode
@@ -495,6 +495,38 @@ def test_the_error_of_a_measured_dead_time_counts_and_is_not_reported(
     law.state = law.state._replace(base=law.state.base._replace(braking=Braking(shown_dead_s=(shown_s,))))
     assert tick(law, NEUTRAL, STANDSTILL).limit is limit
     assert law.state.config.dead_time_s == shown_s
+
+
+def test_a_base_at_the_edge_of_the_error_is_not_weak() -> None:
+    assert weakness(replace(CONFIG, shown_m_s2=WEAK_SHARE * CONFIG.deceleration_m_s2)) == ""
+    assert weakness(replace(CONFIG, shown_dead_s=0.04)) == ""
+    assert weakness(replace(CONFIG, shown_dead_s=math.nextafter(0.04, 1.0)))
+
+
+def test_a_weak_base_does_not_hide_that_the_next_command_is_late() -> None:
+    law = Law(room_m=6.0)
+    stops_with(law, 1.0)
+    asked(law, Velocity(1.0, 0.0))
+    assert law.decision.limit is Limit.BASE_WEAK
+    for _ in range(8):
+        law.tick(odometry=odometry(0.0, law.now_s + TICK_S))
+    assert law.decision.limit is Limit.COMMAND_AGE
+
+
+@pytest.mark.parametrize(("commanded_m_s", "is_measured"), [(0.5, True), (1.0, False)])
+def test_a_base_that_has_not_reached_its_command_shows_no_dead_time(
+    commanded_m_s: float, *, is_measured: bool
+) -> None:
+    law = Law(room_m=8.0)
+    tick(law, NEUTRAL, STANDSTILL)
+    for _ in range(50):
+        tick(law, Velocity(commanded_m_s, 0.0), FORWARD)
+    for _ in range(11):
+        tick(law, NEUTRAL, FORWARD)
+    for speed_m_s in (0.4, 0.3, 0.2, 0.1, 0.0):
+        tick(law, NEUTRAL, Velocity(speed_m_s, 0.0))
+    assert len(law.state.base.braking.shown_m_s2) == 1
+    assert len(law.state.base.braking.shown_dead_s) == is_measured
 
 
 def test_a_base_that_reacts_as_configured_or_sooner_is_not_late() -> None:
