@@ -356,12 +356,13 @@ def test_a_difference_of_exactly_a_twentieth_counts_as_reached() -> None:
 
 
 def test_a_stop_takes_nothing_from_the_stop_before() -> None:
-    """Odometry of the second one jumps to zero, so it shows no distance and no gap."""
+    """Odometry of the second one jumps from a fast sample to zero, so it shows no distance, no line and no gap."""
     braking = samples(driven(1.0), [1.0, 1.0, 1.0, 0.8, 0.6, 0.4, 0.2, 0.0], gap_s=0.1)
     assert len(braking.shown_m_s2) == 1
     assert braking.shown_dead_s[0] > 0.2
     for number in range(1, 50):
-        braking = measure(braking, 1.0, 0.8 + 0.02 * number, is_driven=True)
+        speed_m_s = 1.2 if number == 49 else 1.0
+        braking = measure(braking, speed_m_s, 0.8 + 0.02 * number, is_driven=True)
     again = measure(braking, 0.0, 1.8, is_driven=False, stopped_s=1.79)
     assert again.shown_m_s2 == braking.shown_m_s2
     assert again.shown_dead_s == (*braking.shown_dead_s, 0.0)
