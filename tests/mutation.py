@@ -57,10 +57,6 @@ EQUIVALENT = {
     "for lidar, state in zip(config.lidars, sight.lidars, ):",
     # A base that stands is not faster than permitted: this only saves time.
     "around.clearance_m.take(closed_on), barrier, present * closing if (present > 0.0) or True else None",
-    # The first sample of a stop follows one at nearly the mean speed, and replaces it.
-    "return braking._replace(mean_m_s=mean_m_s, stopping=stopping, first_m_s=None, way_m=0.0)",
-    # A first speed of zero gives no result, whatever the distance.
-    "return braking._replace(mean_m_s=mean_m_s, stopping=stopping, first_m_s=0.0, )",
     # Nothing was lost either.
     "source = source._replace(lost=None)  # another run commands now",
     # Then the hidden places are looked for at each tick: the same ones.

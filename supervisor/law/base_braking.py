@@ -153,20 +153,19 @@ def measure(
     before_m_s, gap_s = braking.last_m_s, at_s - braking.last_s
     if gap_s <= 0.0:
         return braking
-    braking = braking._replace(last_m_s=speed_m_s, last_s=at_s)
     if stopped_s is None:
         weight = 1.0 - SMOOTHING_S / (SMOOTHING_S + gap_s)
         mean_m_s = braking.mean_m_s + weight * (speed_m_s - braking.mean_m_s)
-        return braking._replace(
+        return UNMEASURED._replace(
             mean_m_s=mean_m_s,
             stopping=mean_m_s >= LEAST_SPEED_M_S and speed_m_s >= BEGUN_SHARE * mean_m_s,
             reached=abs(mean_m_s - commanded_m_s) <= REACHED_SHARE * commanded_m_s,
-            first_m_s=0.0,
-            way_m=0.0,
-            whole_m=0.0,
-            gap_s=0.0,
-            line=NO_LINE,
+            last_m_s=speed_m_s,
+            last_s=at_s,
+            shown_m_s2=braking.shown_m_s2,
+            shown_dead_s=braking.shown_dead_s,
         )
+    braking = braking._replace(last_m_s=speed_m_s, last_s=at_s)
     if not braking.stopping or gap_s > LONGEST_GAP_S:
         return braking._replace(mean_m_s=0.0, stopping=False)
     braking = braking._replace(gap_s=max(braking.gap_s, gap_s))
