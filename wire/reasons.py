@@ -14,6 +14,7 @@ class StopReason(StrEnum):
     BASE_RUNAWAY = "BASE_RUNAWAY"
     OVERRUN = "OVERRUN"
     SENSOR_CONFLICT = "SENSOR_CONFLICT"
+    SENSOR_MISMATCH = "SENSOR_MISMATCH"
     BASE_UNRESPONSIVE = "BASE_UNRESPONSIVE"
     ODOM_STALE = "ODOM_STALE"
     SCAN_INVALID = "SCAN_INVALID"
@@ -87,6 +88,12 @@ WORDS: Mapping[StopReason, Words] = {
         over="two programs published on one sensor's key",
         caption="two writers on one sensor's key",
         step="stop one of the two programs, NEUTRAL",
+    ),
+    StopReason.SENSOR_MISMATCH: Words(
+        now="the scans contradict the measured motion",
+        over="the scans contradicted the measured motion",
+        caption="lidar or odometry contradicts the configuration",
+        step="correct the lidar's yaw_rad or odometry, and restart",
     ),
     StopReason.BASE_UNRESPONSIVE: Words(
         now="the base does not follow its commands",

@@ -27,6 +27,7 @@ from docs.generate import sections
 from lifeline.check.check import examine
 from lifeline.check.motions import Permitted
 from supervisor.config import SupervisorSection
+from supervisor.law.agreement import DOUBTS, STEP_M, STEP_RAD
 from supervisor.law.base_motion import PATIENCE_S
 from supervisor.law.base_rolling import ROLLED_M, WINDOW_S
 from supervisor.law.decision import Decision, Mode
@@ -94,6 +95,11 @@ REASONS: Mapping[StopReason, Reason] = {
         "each of two writers was heard twice within a short time on one sensor's key; the status names both",
         "A subscriber receives a mixture of the samples of all writers, for example of two drivers, or of a driver and a "
         "recording. ROS 2 counts the publishers of a topic, but no node stops because of the count.",
+    ),
+    StopReason.SENSOR_MISMATCH: Reason(
+        f"in {DOUBTS} judgements in a row, each over {STEP_M:g} m or {STEP_RAD:g} rad of measured motion, the returns of a lidar have not moved as the "
+        "configuration predicts, but as for a turned or mirrored lidar, or a wrong sign of odometry; the status names which",
+        "A wrong yaw of the lidar is the most frequent mistake in public reports. The robot then stops for what is behind it, and drives into what is ahead.",
     ),
     StopReason.BASE_UNRESPONSIVE: Reason(
         f"odometry has not followed the command for {PATIENCE_S:g} s, beyond what the base's ramps explain",

@@ -60,6 +60,7 @@ def detail_of(
     scan_problem: str = "",
     block_bearing_rad: float = math.nan,
     writers: tuple[str, ...] = (),
+    mismatch: str = "",
     stations: str = "",
     weakness: str = "",
 ) -> str:
@@ -72,6 +73,7 @@ def detail_of(
         scan_problem: why the newest scan proves nothing.
         block_bearing_rad: bearing of the blocking point in the base frame; NaN if there is none.
         writers: for each sensor with several active writers, its name and theirs.
+        mismatch: what motion shows instead of the configuration.
         stations: which e-stop stations are pressed or missing.
         weakness: what the base does worse than configured.
     """
@@ -87,6 +89,8 @@ def detail_of(
             return stations
         case StopReason.SENSOR_CONFLICT:
             return f"samples come from several writers: {'; '.join(writers)}"
+        case StopReason.SENSOR_MISMATCH:
+            return f"motion shows {mismatch}"
         case StopReason.SCAN_INVALID:
             return scan_problem
         case StopReason.SCAN_BLIND if where:

@@ -250,6 +250,7 @@ def _explain(
             scan_problem=scan_problem,
             block_bearing_rad=math.nan if block is None else math.atan2(block.y_m, block.x_m),
             writers=_conflicts(state, now_s) if StopReason.SENSOR_CONFLICT in causes else (),
+            mismatch=sights.mismatches(sight, config),
             stations=detail_of_stations(interlock.stations),
             weakness=bases.weakness(config),
         ),

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from supervisor.law.agreement import Agreement, agree
 from supervisor.law.base import Base
 from supervisor.law.clearance import NO_POINTS, Block, Floats, Kind, moved, nothing_around, survey
 from supervisor.law.model import Counts, LawConfig
@@ -44,6 +45,8 @@ class LidarState(NamedTuple):
     writers: tuple[Writer, ...] = ()
     earlier: Floats = NO_POINTS
     """(n, 2) [m]: near points of the scans before the newest, in the newest scan's base frame; it may show them again."""
+    agreement: Agreement = Agreement()
+    """Whether its scans agree with the motion of the robot."""
 
 
 class Sight(NamedTuple):
@@ -71,7 +74,8 @@ def suspended(sight: Sight, config: LawConfig) -> Sight:
     """Return the state after a suspend of the machine: scans from before it prove no space free, but their points remain."""
     for place in range(len(sight.lidars)):
         sight = _keep_shown(sight, config, place)
-    return sight._replace(lidars=tuple(s._replace(scan=None) for s in sight.lidars), past=())
+    lidars = (s._replace(scan=None, agreement=s.agreement._replace(reference=None)) for s in sight.lidars)
+    return sight._replace(lidars=tuple(lidars), past=())
 
 
 def spoil(sight: Sight, place: int) -> Sight:
@@ -117,6 +121,8 @@ def see(sight: Sight, config: LawConfig, scan: LaserScan, base: Base) -> Sight:
     if reading.problem is not None:
         return _with(sight, place, state._replace(scan=reading))._replace(memory=memory)
     assert reading.view is not None  # a reading without a problem has one
+    if base.odometry is not None:  # nothing is concluded from commands, which the base may not have followed
+        state = state._replace(agreement=agree(state.agreement, reading.view, lidar.mount))
     memory, earlier = _remember(sight, config, memory, reading.view, lidar)
     return _with(sight, place, state._replace(scan=reading, earlier=earlier))._replace(
         memory=memory,
@@ -250,6 +256,8 @@ def causes(sight: Sight, config: LawConfig, now_s: float, scans: Usable) -> Iter
     """Yield the causes of the lidars that prevent every source from driving now."""
     if not scans:
         yield StopReason.SCAN_INVALID if _fresh(sight, config, now_s) else StopReason.SCAN_STALE
+    if any(lidar.agreement.mismatch for lidar in sight.lidars):
+        yield StopReason.SENSOR_MISMATCH
 
 
 def sensors(sight: Sight, config: LawConfig) -> Iterator[Sensor]:
@@ -294,10 +302,16 @@ def counts(sight: Sight) -> Counts:
 
 def problems(sight: Sight, config: LawConfig) -> str:
     """Return why the newest scans prove nothing; with several lidars, each problem follows the lidar's name."""
-    found = [
-        (config.lidars[place].name, lidar.scan.problem)
-        for place, lidar in enumerate(sight.lidars)
-        if lidar.scan is not None and lidar.scan.problem is not None
-    ]
-    alone = len(sight.lidars) == 1
-    return "; ".join(problem if alone else f"{name}: {problem}" for name, problem in found)
+    return _by_lidar(config, [None if s.scan is None else s.scan.problem for s in sight.lidars])
+
+
+def mismatches(sight: Sight, config: LawConfig) -> str:
+    """Return what motion shows instead of the configuration; with several lidars, each text follows the lidar's name."""
+    return _by_lidar(config, [s.agreement.mismatch for s in sight.lidars])
+
+
+def _by_lidar(config: LawConfig, texts: Sequence[str | None]) -> str:
+    """Join the texts of the lidars that have one."""
+    found = [(lidar.name, text) for lidar, text in zip(config.lidars, texts, strict=True) if text]
+    alone = len(config.lidars) == 1
+    return "; ".join(text if alone else f"{name}: {text}" for name, text in found)

@@ -59,6 +59,9 @@ STOP_RULES: Mapping[StopReason, StopRule] = {
         RaisedBy.EVERYTHING_SHARED, "the next step on time; after a suspend, one timeout more"
     ),
     StopReason.SENSOR_CONFLICT: StopRule(RaisedBy.EVERYTHING_SHARED, "silence of one of the two writers"),
+    StopReason.SENSOR_MISMATCH: StopRule(
+        RaisedBy.EVERYTHING_SHARED, "a restart with the right configuration, or scans that agree again"
+    ),
     StopReason.BASE_UNRESPONSIVE: StopRule(RaisedBy.EVERYTHING_SHARED, "zero commanded, and standstill"),
     StopReason.ODOM_STALE: StopRule(RaisedBy.EVERYTHING_SHARED, "fresh odometry"),
     StopReason.SCAN_INVALID: StopRule(RaisedBy.EVERYTHING_SHARED, "a valid scan"),

@@ -27,7 +27,11 @@ def test_a_cause_is_explained_by_what_is_known_of_it(reason: StopReason, detail:
     assert detail_of(frozenset({reason}), scan_problem="all NaN", block_bearing_rad=LEFT_40) == detail
 
 
-@pytest.mark.parametrize("reason", [r for r in StopReason if r is not StopReason.SENSOR_CONFLICT])
+NAMING = (StopReason.SENSOR_CONFLICT, StopReason.SENSOR_MISMATCH)
+"""Their causes are always known."""
+
+
+@pytest.mark.parametrize("reason", [r for r in StopReason if r not in NAMING])
 def test_what_is_not_known_is_not_said(reason: StopReason) -> None:
     assert detail_of(frozenset({reason})) == ""
 
@@ -35,6 +39,11 @@ def test_what_is_not_known_is_not_said(reason: StopReason) -> None:
 def test_a_conflict_names_the_writers_of_each_lidar() -> None:
     detail = detail_of(frozenset({StopReason.SENSOR_CONFLICT}), writers=("front: a and b", "rear: c and d"))
     assert detail == "samples come from several writers: front: a and b; rear: c and d"
+
+
+def test_a_mismatch_names_what_motion_shows() -> None:
+    detail = detail_of(frozenset({StopReason.SENSOR_MISMATCH}), mismatch="a mirrored lidar")
+    assert detail == "motion shows a mirrored lidar"
 
 
 @pytest.mark.parametrize("reason", [StopReason.ESTOP, StopReason.ESTOP_STATION_LOST])

@@ -11,6 +11,7 @@ from supervisor.law.estop_stations import Presence, StationConfig, TokenEnd
 from supervisor.law.model import Command, Inputs, SourceConfig
 from supervisor.law.reckoning import Velocity
 from supervisor.law.stop_rules import STOP_RULES, RaisedBy, StopRule, cleared_by
+from tests.unit.supervisor.law.closed_loop import World
 from tests.unit.supervisor.law.law_harness import (
     BACK,
     CONFIG,
@@ -28,6 +29,10 @@ from wire.freshness import Sent
 from wire.reasons import StopReason
 
 CLEAR = ring()
+CORNERS = 4.0 * np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
+A_ROOM = World(
+    np.array([(2.0, 2.0), (-2.5, 1.5)]), np.array([0.2, 0.3]), CORNERS, np.roll(CORNERS, -1, axis=0)
+)
 BLIND = np.where(np.abs(np.arange(360) - 180) < 20, np.float32("nan"), CLEAR)
 
 
@@ -152,6 +157,23 @@ def one_writer(law: Stage) -> None:
         )
 
 
+def see_as_if_turned(law: Stage) -> None:
+    """The lidar is turned by 180 degrees against its configuration."""
+    x_m = -1.0
+    while not law.latched(StopReason.SENSOR_MISMATCH):
+        x_m += 0.5 * TICK_S
+        law.ranges = np.roll(A_ROOM.ranges(x_m, 0.0, 0.0), 180)
+        law.go(odometry=odometry(0.5, law.now_s + TICK_S))
+
+
+def see_as_configured(law: Stage) -> None:
+    for step in range(60):
+        law.ranges = A_ROOM.ranges(0.5 * TICK_S * step, 0.0, 0.0)
+        law.go(odometry=odometry(0.5, law.now_s + TICK_S))
+    for _ in range(200):  # it was pushed, so that it counts as rolling for a while
+        law.go(odometry=odometry(0.0, law.now_s + TICK_S))
+
+
 def stand_still_under_command(law: Stage) -> None:
     while not law.latched(StopReason.BASE_UNRESPONSIVE):
         law.go(odometry=odometry(0.0, law.now_s + TICK_S))
@@ -265,6 +287,7 @@ COURSES = {
     StopReason.BASE_RUNAWAY: Course(run_away, halt),
     StopReason.OVERRUN: Course(hang, speak),
     StopReason.SENSOR_CONFLICT: Course(two_writers, one_writer),
+    StopReason.SENSOR_MISMATCH: Course(see_as_if_turned, see_as_configured),
     StopReason.BASE_UNRESPONSIVE: Course(stand_still_under_command, rest),
     StopReason.ODOM_STALE: Course(lose_odometry, odometry_again),
     StopReason.SCAN_INVALID: Course(contradict, see),

@@ -1,0 +1,250 @@
+"""Whether a lidar's scans change as the motion of the robot makes them change: motion is evidence for its mounting.
+
+Each scan is compared with a reference scan, from which the robot has moved by `STEP_M` or `STEP_RAD`. Odometry and the mount
+of the lidar give the lidar's own motion: they place each new return among the old ones. In a static world, it lies
+where the old scan has returns. If most returns do not, the lidar may be mounted other than configured, or odometry may
+have a wrong sign. An explanation is accepted only if it places nearly all returns among the old ones, and if neither the
+configuration nor a robot that stood still explains them: people who walk, slip of the wheels, and odometry with a wrong scale
+have no explanation here, so they stop nothing. `DOUBTS` judgements in a row must agree on one.
+
+Points of a plane are complex numbers [m]. A rotating lidar measures its beams at different times, and so do both scans: at a
+steady twist, the same error is in both.
+"""
+
+import cmath
+import math
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from supervisor.law.clearance import Floats, Mask
+from supervisor.law.reckoning import between
+from supervisor.law.scan import Mount, View, is_full_turn
+
+STEP_M = 0.25
+STEP_RAD = 0.4
+"""A scan is judged when the robot has moved by one of these since the reference scan."""
+
+MOST_M = 1.0
+MOST_RAD = 1.2
+MOST_S = 10.0
+"""Beyond one of these, two scans are not compared: too much of what they show is hidden from one of them, or has moved."""
+
+DOUBTS = 2
+"""Number of consecutive judgements that must agree on an explanation."""
+
+TOLERANCE_M = 0.06
+TOLERANCE_SHARE = 0.02
+"""A return agrees with the old scan if it is nearer to it than a distance of this share of its range more: three times the
+noise of 2 cm, and an error of the heading on slanted surfaces. It differs if it is more than twice as far."""
+
+LEAST_RAD = 0.25
+"""Angle of the beams that must decide between two explanations."""
+
+CONFIRMED_SHARE = 0.6
+"""The configuration is confirmed if it explains at least this share of the beams that decide."""
+
+EXPLAINED_SHARE = 0.75
+"""Least share of the returns that an accepted explanation places among the old ones."""
+
+CLEARLY = 0.2
+"""An explanation is clearly better than another if it fails on at most this share of the beams on which the other fails."""
+
+Complex = npt.NDArray[np.complex128]
+
+
+class Explanation(StrEnum):
+    """An explanation of how the returns of a lidar have moved; the value completes "motion shows"."""
+
+    CONFIGURED = "the configuration"
+    TURNED = "a lidar turned by 180 degrees"
+    BACKWARDS = "a wrong forward sign of odometry"
+    MIRRORED = "a mirrored lidar"
+    TURNS_BACK = "a wrong turn sign of odometry"
+    LEFT = "a lidar turned by 90 degrees to the left"
+    RIGHT = "a lidar turned by 90 degrees to the right"
+    MIRRORED_TURNED = "a mirrored lidar turned by 180 degrees"
+    BOTH_SIGNS = "two wrong signs of odometry"
+
+
+COMBINED = frozenset({Explanation.MIRRORED_TURNED, Explanation.BOTH_SIGNS})
+"""Two mistakes at once; not named where one of them explains the same."""
+
+
+class Shift(NamedTuple):
+    """A pose of the lidar in its own frame at the reference scan."""
+
+    to: complex
+    turn_rad: float
+
+
+STILL = Shift(0j, 0.0)
+
+
+class Agreement(NamedTuple):
+    """State of one lidar: how its scans agreed with the motion so far."""
+
+    reference: View | None = None
+    doubts: int = 0
+    """Number of consecutive judgements with the same explanations, other than the configuration."""
+    explanations: frozenset[Explanation] = frozenset()
+    """What explained each of these judgements."""
+
+    @property
+    def mismatch(self) -> str:
+        """What the motion shows instead of the configuration, as part of a sentence; empty if nothing is wrong."""
+        if self.doubts < DOUBTS:
+            return ""
+        named = self.explanations - COMBINED or self.explanations
+        return ", or ".join(e for e in Explanation if e in named)
+
+
+def agree(agreement: Agreement, view: View, mount: Mount) -> Agreement:
+    """Return the agreement after a new view; its pose and that of the reference are by odometry.
+
+    Args:
+        agreement: the agreement before.
+        view: the view of the new scan.
+        mount: the configured mount of its lidar.
+    """
+    before = agreement.reference
+    if before is None:
+        return agreement._replace(reference=view)
+    way = between(before.pose, view.pose)
+    way_m, turn_rad = math.hypot(way.x_m, way.y_m), abs(way.yaw_rad)
+    is_old = view.taken_s - before.taken_s > MOST_S
+    if way_m < STEP_M and turn_rad < STEP_RAD and not is_old:
+        return agreement
+    agreement = agreement._replace(reference=view)
+    if way_m > MOST_M or turn_rad > MOST_RAD or is_old:
+        return agreement
+    found = explain(before, view, mount)
+    if found is None:
+        return agreement
+    again = found & agreement.explanations
+    if Explanation.CONFIGURED in found:
+        return agreement if again else Agreement(view)
+    if agreement.doubts >= DOUBTS:
+        return agreement
+    if again:
+        return Agreement(view, agreement.doubts + 1, again)
+    return Agreement(view, 1 if found else 0, found)
+
+
+def explain(before: View, view: View, mount: Mount) -> frozenset[Explanation] | None:
+    """Return the explanations of what a view shows after the motion since an earlier view of the same lidar.
+
+    Returns the configuration if it is confirmed, with the explanations that this motion cannot separate from it; else what
+    explains the view clearly better; None if the motion changes too little to judge.
+    """
+    shifts = _shifts(before, view, mount)
+    points = view.free_m * np.exp(1j * _angles(view))
+    beam_rad = abs(view.geometry.increment)
+
+    def fits(shift: Shift) -> "_Fit":
+        return _fit(before, view, points, shift)
+
+    expected, still = fits(shifts[Explanation.CONFIGURED]), fits(STILL)
+    confirms = np.count_nonzero(expected.agrees & still.differs)
+    contradicts = np.count_nonzero(expected.differs)
+    if (confirms + contradicts) * beam_rad < LEAST_RAD:
+        return None
+    far = {e: shift for e, shift in shifts.items() if _is_far(shift, shifts[Explanation.CONFIGURED])}
+    if confirms >= CONFIRMED_SHARE * (confirms + contradicts):
+        return frozenset(shifts.keys() - far.keys())
+    others = {e: fits(shift) for e, shift in far.items()}
+    most = max((np.count_nonzero(fit.agrees) for fit in others.values()), default=0)
+    return frozenset(
+        e
+        for e, fit in others.items()
+        if fit.share >= EXPLAINED_SHARE
+        and np.count_nonzero(fit.agrees) >= (1.0 - CLEARLY) * most
+        and _is_clearly_better(fit, expected, beam_rad)
+        and _is_clearly_better(fit, still, beam_rad)
+    )
+
+
+class _Fit(NamedTuple):
+    """How the returns of a view agree with an earlier one under one explanation; arrays over its n beams."""
+
+    agrees: Mask
+    differs: Mask
+    """A beam may do neither: without a return, next to an unknown one, or on the edge of the tolerance."""
+    share: float
+    """Share of the comparable beams that agree."""
+
+
+def _is_clearly_better(fit: _Fit, other: _Fit, beam_rad: float) -> bool:
+    """Return whether one explanation explains enough beams that another does not, and the other hardly any that it does not."""
+    better = np.count_nonzero(fit.agrees & other.differs)
+    worse = np.count_nonzero(other.agrees & fit.differs)
+    return better * beam_rad >= LEAST_RAD and worse <= CLEARLY * better
+
+
+def _is_far(shift: Shift, other: Shift) -> bool:
+    """Return whether two shifts differ by more than the drift of odometry."""
+    return abs(shift.to - other.to) >= STEP_M or abs(shift.turn_rad - other.turn_rad) >= STEP_RAD
+
+
+def _shifts(before: View, view: View, mount: Mount) -> dict[Explanation, Shift]:
+    """Return the lidar's motion between two views under each explanation."""
+    way = between(before.pose, view.pose)
+    to, turn_rad = complex(way.x_m, way.y_m), way.yaw_rad
+    configured = _shift(to, turn_rad, mount)
+    mirrored = Shift(configured.to.conjugate(), -turn_rad)
+    return {
+        Explanation.CONFIGURED: configured,
+        Explanation.TURNED: Shift(-configured.to, turn_rad),
+        Explanation.BACKWARDS: _shift(-to, turn_rad, mount),
+        Explanation.MIRRORED: mirrored,
+        Explanation.TURNS_BACK: _shift(to.conjugate(), -turn_rad, mount),
+        Explanation.LEFT: Shift(configured.to * -1j, turn_rad),
+        Explanation.RIGHT: Shift(configured.to * 1j, turn_rad),
+        Explanation.MIRRORED_TURNED: Shift(-mirrored.to, -turn_rad),
+        Explanation.BOTH_SIGNS: _shift(-to.conjugate(), -turn_rad, mount),
+    }
+
+
+def _shift(to: complex, turn_rad: float, mount: Mount) -> Shift:
+    """Return the motion of a lidar, in its own frame, from that of the base."""
+    at = complex(mount.x_m, mount.y_m)
+    turned = (cmath.rect(1.0, turn_rad) - 1.0) * at
+    return Shift((to + turned) * cmath.rect(1.0, -mount.yaw_rad), turn_rad)
+
+
+def _fit(before: View, view: View, points: Complex, shift: Shift) -> _Fit:
+    """Compare each new return with the old ranges on both sides of its place.
+
+    Args:
+        before: the earlier view.
+        view: the new one.
+        points: (n,) the ends of its beams in its lidar's frame.
+        shift: the pose of this frame in that of the earlier view.
+    """
+    there = shift.to + cmath.rect(1.0, shift.turn_rad) * points
+    _, angle_min, increment = before.geometry
+    turn = math.copysign(2 * math.pi, increment)
+    beam = ((np.angle(there) - angle_min) % turn) / increment
+    low = np.floor(beam).astype(np.int64)
+    old_m = np.where(before.hit, before.free_m, math.nan)
+    if is_full_turn(before.geometry):
+        one_m, other_m = old_m.take(low, mode="wrap"), old_m.take(low + 1, mode="wrap")
+    else:
+        old_m = np.append(old_m, math.nan)
+        one_m, other_m = old_m.take(low, mode="clip"), old_m.take(low + 1, mode="clip")
+    there_m = np.abs(there)
+    error_m = np.maximum(np.minimum(one_m, other_m) - there_m, there_m - np.maximum(one_m, other_m))
+    tolerance_m = TOLERANCE_M + TOLERANCE_SHARE * there_m
+    agrees = view.hit & (error_m <= tolerance_m)
+    known = np.count_nonzero(view.hit & ~np.isnan(error_m))
+    share = np.count_nonzero(agrees) / max(known, 1)
+    return _Fit(agrees, view.hit & (error_m > 2.0 * tolerance_m), share)
+
+
+def _angles(view: View) -> Floats:
+    """Return the angle (n,) [rad] of each beam in the lidar's frame."""
+    count, angle_min, increment = view.geometry
+    angles: Floats = angle_min + increment * np.arange(count, dtype=np.float64)
+    return angles

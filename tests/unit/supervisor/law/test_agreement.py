@@ -1,0 +1,464 @@
+"""Whether scans change as the motion of the robot makes them change; wrong mountings and signs of odometry."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from supervisor.law import sight as sights
+from supervisor.law.agreement import (
+    DOUBTS,
+    MOST_M,
+    MOST_RAD,
+    MOST_S,
+    STEP_M,
+    STEP_RAD,
+    Agreement,
+    Explanation,
+    agree,
+    explain,
+)
+from supervisor.law.model import Odometry
+from supervisor.law.reckoning import Pose, Velocity
+from supervisor.law.scan import Geometry, Mount, View
+from tests.scenes.operators import Scripted
+from tests.scenes.run import Moment, Outcome, Spoil, run
+from tests.scenes.sensing import Ranges
+from tests.scenes.simple import LIDAR, plain_scene
+from tests.unit.supervisor.law.closed_loop import World, random_world
+from tests.unit.supervisor.law.law_harness import CONFIG, NEUTRAL, Law
+from tests.unit.supervisor.law.views import view_of
+from wire.reasons import StopReason
+
+HERE = Mount()
+HALF = math.pi
+E = Explanation
+ROOM = World(
+    pillars=np.array([(2.0, 0.8), (-1.5, -2.0), (0.5, -1.5), (-2.0, 1.0)]),
+    radii=np.array([0.2, 0.3, 0.1, 0.2]),
+    starts=np.array([(3.5, 2.5), (-3.0, 2.5), (-3.0, -2.8), (3.5, -2.8)]),
+    ends=np.array([(-3.0, 2.5), (-3.0, -2.8), (3.5, -2.8), (3.5, 2.5)]),
+)
+START = Pose(0.3, 0.2, 0.4)
+
+
+def look(
+    pose: Pose,
+    mount: Mount = HERE,
+    *,
+    world: World = ROOM,
+    noise: np.ndarray | None = None,
+    is_mirrored: bool = False,
+    at_s: float = 0.0,
+    odometer: Pose | None = None,
+) -> View:
+    """What a lidar with this true mount sees; by default, the odometer shows the true pose."""
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    ranges = world.ranges(
+        pose.x_m + cos * mount.x_m - sin * mount.y_m,
+        pose.y_m + sin * mount.x_m + cos * mount.y_m,
+        pose.yaw_rad + mount.yaw_rad,
+    ).astype(np.float64)
+    if noise is not None:
+        ranges = ranges + noise
+    if is_mirrored:
+        ranges = np.roll(ranges[::-1], 1)
+    return view_of(ranges)._replace(pose=odometer or pose, taken_s=at_s)
+
+
+def after(pose: Pose, x_m: float, y_m: float, turn_rad: float) -> Pose:
+    """The pose after a motion in the frame of another."""
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    return Pose(pose.x_m + cos * x_m - sin * y_m, pose.y_m + sin * x_m + cos * y_m, pose.yaw_rad + turn_rad)
+
+
+AHEAD = after(START, 0.3, 0.0, 0.0)
+ARC = after(START, 0.28, 0.05, 0.3)
+SPIN = after(START, 0.0, 0.0, 0.5)
+AT_A_CORNER = Mount(0.35, 0.2, -math.pi / 2)
+
+
+@pytest.mark.parametrize("there", [AHEAD, ARC, after(START, -0.3, 0.0, 0.0)])
+@pytest.mark.parametrize("mount", [HERE, AT_A_CORNER, Mount(-0.2, 0.1, 2.5)])
+def test_the_right_configuration_is_confirmed_by_each_motion(there: Pose, mount: Mount) -> None:
+    found = explain(look(START, mount), look(there, mount), mount)
+    assert found is not None
+    assert E.CONFIGURED in found
+
+
+def test_an_explanation_that_the_motion_cannot_separate_is_confirmed_as_well() -> None:
+    assert explain(look(START), look(AHEAD), HERE) == {E.CONFIGURED, E.MIRRORED, E.TURNS_BACK}
+    found = explain(look(START), look(SPIN), HERE)
+    assert found == {E.CONFIGURED, E.TURNED, E.BACKWARDS, E.LEFT, E.RIGHT}
+    assert explain(look(START), look(ARC), HERE) == {E.CONFIGURED}
+
+
+@pytest.mark.parametrize(
+    ("yaw_rad", "wrong"), [(HALF, {E.TURNED, E.BACKWARDS}), (HALF / 2, {E.LEFT}), (-HALF / 2, {E.RIGHT})]
+)
+@pytest.mark.parametrize("configured", [HERE, Mount(0.0, 0.0, 2.5)])
+def test_a_lidar_turned_against_its_configuration_is_named(
+    yaw_rad: float, wrong: set[E], configured: Mount
+) -> None:
+    true = replace(configured, yaw_rad=configured.yaw_rad + yaw_rad)
+    assert explain(look(START, true), look(ARC, true), configured) == wrong
+
+
+@pytest.mark.parametrize("configured", [HERE, Mount(0.0, 0.0, HALF)])
+def test_a_mirrored_lidar_is_named(configured: Mount) -> None:
+    before, view = (look(pose, configured, is_mirrored=True) for pose in (START, ARC))
+    assert explain(before, view, configured) == {E.MIRRORED, E.TURNS_BACK}
+
+
+def test_a_mirrored_lidar_turned_by_180_degrees_is_named() -> None:
+    before, view = (look(pose, Mount(0.0, 0.0, HALF), is_mirrored=True) for pose in (START, ARC))
+    assert explain(before, view, HERE) == {E.MIRRORED_TURNED, E.BOTH_SIGNS}
+
+
+@pytest.mark.parametrize(
+    ("forward", "turn", "wrong"), [(-1, 1, E.BACKWARDS), (1, -1, E.TURNS_BACK), (-1, -1, E.BOTH_SIGNS)]
+)
+def test_a_wrong_sign_of_odometry_is_told_from_a_wrong_mounting_by_a_lidar_at_a_corner(
+    forward: int, turn: int, wrong: E
+) -> None:
+    """The motion of this lidar in a turn is that of its place: the motion separates the explanations."""
+    far = Mount(0.6, 0.5, -math.pi / 2)
+    there = after(START, 0.3, 0.05, 0.9)
+    # A base that drives backwards draws the reversed arc.
+    odometer = after(START, forward * 0.3, forward * turn * 0.05, turn * 0.9)
+    found = explain(look(START, far), look(there, far, odometer=odometer), far)
+    assert found == {wrong}
+
+
+def test_wheels_that_slip_and_odometry_with_a_wrong_scale_are_no_wrong_mounting() -> None:
+    assert explain(look(START), look(START, odometer=ARC), HERE) == frozenset()
+    twice = after(START, 0.5, 0.1, 0.6)
+    assert explain(look(START), look(ARC, odometer=twice), HERE) == frozenset()
+
+
+def test_the_drift_of_the_heading_is_no_wrong_turn_sign() -> None:
+    """Odometry turns 0.1 rad to one side, the robot to the other: the explanation differs by less than a step."""
+    drifting = after(START, 0.3, 0.0, 0.1)
+    found = explain(look(START), look(after(START, 0.3, 0.0, -0.1), odometer=drifting), HERE)
+    assert found is not None
+    assert found <= {E.CONFIGURED, E.TURNS_BACK, E.MIRRORED}
+    assert not found or E.CONFIGURED in found
+
+
+def test_a_motion_that_changes_nothing_is_not_judged() -> None:
+    ring = view_of(np.full(360, 3.0))
+    assert explain(ring, ring._replace(pose=Pose(0.0, 0.0, 0.5)), HERE) is None
+
+
+def test_a_view_without_returns_is_not_judged() -> None:
+    nothing = view_of(np.full(360, math.inf))
+    assert explain(nothing, nothing._replace(pose=Pose(0.3, 0.0, 0.0)), HERE) is None
+
+
+def test_a_scan_that_repeats_is_no_wrong_mounting() -> None:
+    assert explain(look(START), look(START, odometer=AHEAD), HERE) == frozenset()
+
+
+noises = st.integers(0, 2**32 - 1).map(lambda seed: np.random.default_rng(seed).standard_normal((2, 360)))
+mounts = st.builds(Mount, st.floats(-0.4, 0.4), st.floats(-0.4, 0.4), st.floats(-math.pi, math.pi))
+
+
+@given(
+    seed=st.integers(0, 1000),
+    mount=mounts,
+    way=st.tuples(st.floats(-0.4, 0.4), st.floats(-0.1, 0.1), st.floats(-1.0, 1.0)),
+    noise=noises,
+    noise_m=st.floats(0.0, 0.03),
+    drift=st.tuples(st.floats(0.9, 1.1), st.floats(-0.05, 0.05)),
+)
+def test_in_no_room_is_a_right_mounting_taken_for_a_wrong_one(
+    seed: int,
+    mount: Mount,
+    way: tuple[float, float, float],
+    noise: np.ndarray,
+    noise_m: float,
+    drift: tuple[float, float],
+) -> None:
+    """With the noise of cheap lidars, and odometry that is wrong by 10 % and 3 degrees."""
+    world = random_world(np.random.default_rng(seed))
+    x_m, y_m, turn_rad = way
+    odometer = after(START, drift[0] * x_m, drift[0] * y_m, drift[0] * turn_rad + drift[1])
+    before = look(START, mount, world=world, noise=noise_m * noise[0])
+    view = look(after(START, *way), mount, world=world, noise=noise_m * noise[1], odometer=odometer)
+    found = explain(before, view, mount)
+    assert not found or E.CONFIGURED in found
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.03])
+@pytest.mark.parametrize(("yaw_rad", "is_mirrored"), [(HALF, False), (HALF / 2, False), (0.0, True)])
+def test_in_most_rooms_one_motion_shows_a_wrong_mounting(
+    noise_m: float, yaw_rad: float, *, is_mirrored: bool
+) -> None:
+    true, found = Mount(0.1, 0.0, yaw_rad), 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        world, noise = random_world(rng), noise_m * rng.standard_normal((2, 360))
+        before, view = (
+            look(pose, true, world=world, noise=one, is_mirrored=is_mirrored)
+            for pose, one in zip((START, ARC), noise, strict=True)
+        )
+        explained = explain(before, view, Mount(0.1, 0.0, 0.0))
+        assert not explained or E.CONFIGURED not in explained
+        found += bool(explained)
+    assert found >= 36
+
+
+def turned(pose: Pose, at_s: float = 0.0) -> View:
+    """What a lidar sees that is turned by 180 degrees against its configuration."""
+    return look(pose, Mount(0.0, 0.0, HALF), at_s=at_s)
+
+
+def doubts(*views: View, mount: Mount = HERE) -> list[int]:
+    """The number of doubts after each view."""
+    agreement, numbers = Agreement(), []
+    for view in views:
+        agreement = agree(agreement, view, mount)
+        numbers.append(agreement.doubts)
+    return numbers
+
+
+def test_the_first_view_is_the_reference() -> None:
+    view = look(START)
+    assert agree(Agreement(), view, HERE) == Agreement(view)
+
+
+ORIGIN = Pose(0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("less", "enough"),
+    [
+        (Pose(math.nextafter(STEP_M, 0.0), 0.0, 0.0), Pose(STEP_M, 0.0, 0.0)),
+        (Pose(0.0, -math.nextafter(STEP_M, 0.0), 0.0), Pose(0.0, -STEP_M, 0.0)),
+        (Pose(0.0, 0.0, -math.nextafter(STEP_RAD, 0.0)), Pose(0.0, 0.0, -STEP_RAD)),
+        (Pose(0.2, 0.0, 0.39), Pose(0.2, 0.0, 0.4)),
+    ],
+)
+def test_a_scan_becomes_the_reference_once_the_robot_has_moved_by_a_step(less: Pose, enough: Pose) -> None:
+    first = look(ORIGIN)
+    assert agree(Agreement(first), look(less), HERE).reference is first
+    assert agree(Agreement(first), look(enough), HERE).reference is not first
+
+
+def test_a_reference_is_replaced_once_it_is_too_old() -> None:
+    first = turned(START)
+    at_its_end = turned(START, MOST_S)
+    assert agree(Agreement(first), at_its_end, HERE).reference is first
+    too_old = turned(START, math.nextafter(MOST_S, math.inf))
+    assert agree(Agreement(first), too_old, HERE).reference is too_old
+    assert agree(Agreement(first), turned(ARC, MOST_S), HERE).doubts == 1
+    assert agree(Agreement(first), turned(ARC, math.nextafter(MOST_S, math.inf)), HERE).doubts == 0
+
+
+@pytest.mark.parametrize(
+    ("far", "too_far"),
+    [
+        (Pose(MOST_M, 0.0, 0.0), Pose(math.nextafter(MOST_M, 2.0), 0.0, 0.0)),
+        (Pose(0.3, 0.0, MOST_RAD), Pose(0.3, 0.0, math.nextafter(MOST_RAD, 2.0))),
+    ],
+)
+def test_scans_that_are_too_far_apart_are_not_compared(far: Pose, too_far: Pose) -> None:
+    assert doubts(turned(ORIGIN), turned(far)) == [0, 1]
+    assert doubts(turned(ORIGIN), turned(too_far)) == [0, 0]
+
+
+def test_two_judgements_in_a_row_show_a_mismatch_and_a_third_does_not_change_it() -> None:
+    poses = [START, ARC, after(ARC, 0.28, 0.05, 0.3), after(ARC, 0.5, 0.2, 0.6)]
+    assert DOUBTS == 2
+    assert doubts(*map(turned, poses)) == [0, 1, 2, 2]
+    agreement = Agreement()
+    for pose, text in zip(
+        poses[:3],
+        ("", "", "a lidar turned by 180 degrees, or a wrong forward sign of odometry"),
+        strict=True,
+    ):
+        agreement = agree(agreement, turned(pose), HERE)
+        assert agreement.mismatch == text
+
+
+def test_the_reference_moves_on_during_a_mismatch() -> None:
+    views = [turned(START), turned(ARC), turned(after(ARC, 0.28, 0.05, 0.3)), turned(START)]
+    agreement = Agreement()
+    for view in views:
+        agreement = agree(agreement, view, HERE)
+        assert agreement.reference is view
+
+
+def test_two_judgements_that_share_no_explanation_show_nothing() -> None:
+    left = Mount(0.0, 0.0, HALF / 2)
+    agreement = agree(Agreement(turned(START)), turned(ARC), HERE)
+    agreement = agree(agreement._replace(reference=look(START, left)), look(ARC, left), HERE)
+    assert (agreement.doubts, agreement.explanations) == (1, {E.LEFT})
+
+
+def test_what_two_judgements_share_is_named() -> None:
+    """A translation cannot separate a mirrored lidar from one that is not."""
+    agreement = agree(Agreement(turned(START)), turned(AHEAD), HERE)
+    assert agreement.explanations == {E.TURNED, E.BACKWARDS, E.MIRRORED_TURNED, E.BOTH_SIGNS}
+    on = agree(agreement, turned(after(AHEAD, 0.28, 0.05, 0.3)), HERE)
+    assert on.explanations == {E.TURNED, E.BACKWARDS}
+    on = agree(agreement, turned(after(AHEAD, 0.3, 0.0, 0.0)), HERE)
+    assert on.explanations == agreement.explanations
+    assert on.mismatch == "a lidar turned by 180 degrees, or a wrong forward sign of odometry"
+
+
+def test_two_mistakes_at_once_are_named_where_one_alone_explains_nothing() -> None:
+    both = Agreement(None, DOUBTS, frozenset({E.MIRRORED_TURNED, E.BOTH_SIGNS}))
+    assert both.mismatch == "a mirrored lidar turned by 180 degrees, or two wrong signs of odometry"
+
+
+def test_a_motion_that_cannot_separate_ends_no_doubt_and_one_that_can_does() -> None:
+    """A turn on the spot looks the same for a lidar that is turned by 180 degrees."""
+    doubt = agree(Agreement(turned(START)), turned(ARC), HERE)
+    assert doubt.doubts == 1
+    spun = after(ARC, 0.0, 0.0, 0.5)
+    view = turned(spun)
+    assert agree(doubt, view, HERE) == doubt._replace(reference=view)
+    ended = agree(doubt._replace(reference=look(START)), look(ARC), HERE)
+    assert (ended.doubts, ended.explanations) == (0, frozenset())
+
+
+def test_a_mismatch_ends_when_the_scans_agree_again() -> None:
+    wrong = Agreement(look(START), DOUBTS, frozenset({E.TURNED}))
+    assert agree(wrong, look(ARC), HERE).mismatch == ""
+
+
+def test_a_judgement_without_an_explanation_ends_a_doubt_but_no_mismatch() -> None:
+    doubt = Agreement(look(START), 1, frozenset({E.TURNED}))
+    slipped = look(START, odometer=ARC)
+    assert agree(doubt, slipped, HERE) == Agreement(slipped)
+    wrong = doubt._replace(doubts=DOUBTS)
+    assert agree(wrong, slipped, HERE) == wrong._replace(reference=slipped)
+
+
+def test_a_motion_that_is_not_judged_leaves_a_doubt() -> None:
+    ring = view_of(np.full(360, 3.0))
+    doubt = Agreement(ring, 1, frozenset({E.TURNED}))
+    on = ring._replace(pose=Pose(0.0, 0.0, 0.5))
+    assert agree(doubt, on, HERE) == doubt._replace(reference=on)
+
+
+def _turned(at_s: float, lidar: int, ranges: Ranges) -> Ranges:
+    return np.roll(ranges, 180)
+
+
+def _to_the_left(at_s: float, lidar: int, ranges: Ranges) -> Ranges:
+    return np.roll(ranges, 90)
+
+
+def _mirrored(at_s: float, lidar: int, ranges: Ranges) -> Ranges:
+    return np.roll(ranges[::-1], 1)
+
+
+def drive(wanted: Velocity, spoil: Spoil | None, noise_m: float, **report: object) -> tuple[Outcome, Moment]:
+    """Drive in a room with three pillars; return the outcome and the last moment."""
+    discs = ((3.0, 0.4, 0.05), (-2.0, 1.0, 0.2), (1.0, -2.0, 0.3))
+    scene = plain_scene(*discs, lidars=(replace(LIDAR, noise_m=noise_m),), duration_s=8.0)
+    moments: list[Moment] = []
+    outcome = run(
+        scene, operator=Scripted(wanted), spoil=spoil, watch=moments.append, stuck_s=math.inf, **report
+    )  # type: ignore[arg-type]
+    return outcome, moments[-1]
+
+
+STRAIGHT, CURVE, TURN = Velocity(0.8, 0.0), Velocity(0.5, 0.8), Velocity(0.0, 1.0)
+
+
+@pytest.mark.parametrize("noise_m", [0.002, 0.03])
+@pytest.mark.parametrize(
+    ("spoil", "wanted", "named"),
+    [
+        (_turned, STRAIGHT, "a lidar turned by 180 degrees, or a wrong forward sign of odometry"),
+        (_turned, CURVE, "a lidar turned by 180 degrees, or a wrong forward sign of odometry"),
+        (_to_the_left, STRAIGHT, "a lidar turned by 90 degrees to the right"),
+        (_mirrored, CURVE, "a mirrored lidar, or a wrong turn sign of odometry"),
+        (_mirrored, TURN, "a mirrored lidar, or a wrong turn sign of odometry"),
+    ],
+)
+def test_a_wrong_mounting_stops_the_robot_within_1_m_and_is_named(
+    spoil: Spoil, wanted: Velocity, named: str, noise_m: float
+) -> None:
+    outcome, last = drive(wanted, spoil, noise_m)
+    assert outcome.travelled_m < 1.0
+    assert last.decision.causes == (StopReason.SENSOR_MISMATCH,)
+    assert last.decision.detail == f"motion shows {named}"
+    assert last.twist == NEUTRAL
+
+
+@pytest.mark.parametrize("wanted", [STRAIGHT, CURVE, TURN])
+def test_a_right_mounting_stops_nothing(wanted: Velocity) -> None:
+    assert "SENSOR_MISMATCH" not in drive(wanted, None, 0.03)[0].stops
+
+
+def test_without_odometry_nothing_is_concluded_from_commands() -> None:
+    outcome, _ = drive(STRAIGHT, _turned, 0.002, report=lambda now_s, twist: None)
+    assert outcome.travelled_m > 1.0
+    assert "SENSOR_MISMATCH" not in outcome.stops
+
+
+def test_the_detail_names_the_lidar_where_there_are_several() -> None:
+    config = replace(CONFIG, lidars=(CONFIG.lidars[0], replace(CONFIG.lidars[0], name="rear")))
+    wrong = sights.LidarState(agreement=Agreement(None, DOUBTS, frozenset({E.LEFT})))
+    one = sights.Sight((sights.LidarState(), wrong))
+    assert sights.mismatches(one, config) == "rear: a lidar turned by 90 degrees to the left"
+    assert StopReason.SENSOR_MISMATCH in sights.causes(one, config, 0.0, ())
+
+
+def test_after_a_suspend_no_scan_is_compared_with_one_from_before_it() -> None:
+    """Meanwhile the robot may have been carried away. A mismatch remains."""
+    law = Law()
+    law.tick(odometry=Odometry(NEUTRAL, law.now_s))
+    law.tick(odometry=Odometry(NEUTRAL, law.now_s))
+    (lidar,) = law.state.sight.lidars
+    assert lidar.agreement.reference is not None
+    wrong = lidar.agreement._replace(doubts=DOUBTS, explanations=frozenset({E.LEFT}))
+    sight = law.state.sight._replace(lidars=(lidar._replace(agreement=wrong),))
+    (after_it,) = sights.suspended(sight, CONFIG).lidars
+    assert after_it.agreement == wrong._replace(reference=None)
+
+
+def test_a_lidar_that_turns_clockwise_or_sees_only_a_part_is_judged_alike() -> None:
+    """A part of a turn has no beam beyond its ends."""
+    part = slice(70, 290)
+    for before, there in ((turned(START), turned(ARC)), (look(START), look(ARC))):
+        whole = explain(before, there, HERE)
+        clockwise, partly = [], []
+        for view in (before, there):
+            count, angle_min, step = view.geometry
+            clockwise.append(
+                view._replace(
+                    geometry=Geometry(count, angle_min + step * (count - 1), -step),
+                    free_m=view.free_m[::-1],
+                    hit=view.hit[::-1],
+                )
+            )
+            partly.append(
+                view._replace(
+                    geometry=Geometry(220, angle_min + step * 70, step),
+                    free_m=view.free_m[part],
+                    hit=view.hit[part],
+                )
+            )
+        assert explain(clockwise[0], clockwise[1], HERE) == whole
+        assert explain(partly[0], partly[1], HERE) == whole
+
+
+def test_scans_of_two_geometries_are_comparable() -> None:
+    """Lidars with uneven rotation send a new geometry with every scan."""
+    before = look(START)
+    there = look(ARC)
+    half = there._replace(
+        geometry=Geometry(180, -math.pi, 2 * there.geometry.increment),
+        free_m=there.free_m[::2],
+        hit=there.hit[::2],
+    )
+    found = explain(before, half, HERE)
+    assert found == {E.CONFIGURED}
