@@ -4,7 +4,7 @@ A beam with a return proves its ray free up to the return and shows an object th
 its ray free up to `range_max`. This is weak evidence, because a dirty beam has no return either. A profile may
 therefore accept it only for beams that had a return recently. A reading that the profile does not explain proves
 nothing: earlier scans stand in for its direction for one timeout; after that, the direction is a hole. So does silence where
-returns vanished that cannot have moved away (silence.py).
+returns vanished that cannot have moved away (silence.py), and so does a sector that repeats (agreement.py).
 
 A scan proves nothing if its numbers contradict each other, if it repeats while the robot moves, if nearly all
 returns vanish from one scan to the next, or if the lidar has not had any return since the start.
@@ -207,6 +207,7 @@ def read_scan(
     reach_m: float,
     *,
     in_the_open: bool,
+    repeated: Mask | None = None,
 ) -> ScanReading:
     """Check a scan and return it as a `ScanReading`, with the free space that it proves.
 
@@ -218,6 +219,7 @@ def read_scan(
         hull: the robot's outline.
         reach_m: a return farther than this from the hull limits no motion.
         in_the_open: whether to accept scans of a lidar that has not had any return since the start.
+        repeated: (n,) beams that repeat an earlier scan (agreement.py): their returns count, but prove nothing free.
     """
     problem = _contradiction(scan, lidar.min_beams)
     before = None if previous is None else previous.view
@@ -231,7 +233,10 @@ def read_scan(
     hit = readings.hit & rays.looking
     (hits,) = hit.nonzero()
     share = len(hits) / geometry.beams
-    view = _view(before, geometry, hit, readings.explained & rays.looking, distance_m, scan, moment, lidar)
+    explained, shown = readings.explained & rays.looking, hit
+    if repeated is not None:
+        explained, shown = explained & ~repeated, hit & ~repeated
+    view = _view(before, geometry, shown, explained, distance_m, scan, moment, lidar)
     has_returned = len(hits) > 0 or (previous is not None and previous.has_returned)
     repeats, since_m = _repetition(previous, scan, moment)
     travel_m = moment.travelled_m - since_m

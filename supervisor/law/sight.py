@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from supervisor.law.agreement import Agreement, agree
+from supervisor.law.agreement import Agreement, agree, repeat
 from supervisor.law.base import Base
 from supervisor.law.clearance import NO_POINTS, Block, Floats, Kind, moved, nothing_around, survey
 from supervisor.law.model import Counts, LawConfig
@@ -112,8 +112,17 @@ def see(sight: Sight, config: LawConfig, scan: LaserScan, base: Base) -> Sight:
     period_s = lidar.timeout_s if before is None else min(lidar.timeout_s, max(0.0, taken_s - before.taken_s))
     pose = back_then(base.odometers, base.odometer, taken_s)
     moment = Moment(taken_s, period_s, pose, base.way_m)
+    agreement = repeat(state.agreement, before, scan, None if base.odometry is None else pose)
+    state = state._replace(agreement=agreement)
     reading = read_scan(
-        before, scan, moment, lidar, config.hull, config.reach_m, in_the_open=config.works_in_the_open
+        before,
+        scan,
+        moment,
+        lidar,
+        config.hull,
+        config.reach_m,
+        in_the_open=config.works_in_the_open,
+        repeated=agreement.repeated,
     )
     if before is not None and reading.taken_s == before.taken_s:  # it is identical to the previous scan
         return _with(sight, place, state._replace(scan=reading))

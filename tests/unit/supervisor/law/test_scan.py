@@ -35,6 +35,7 @@ def read(
     travelled_m: float = 0.0,
     in_the_open: bool = False,
     fields: dict[str, float] | None = None,
+    repeated: np.ndarray | None = None,
 ) -> ScanReading:
     scan = LaserScan(ranges, -math.pi, BEAM_RAD, 0.05, 12.0, taken_s)
     return read_scan(
@@ -45,6 +46,7 @@ def read(
         hull,
         3.0,
         in_the_open=in_the_open,
+        repeated=repeated,
     )
 
 
