@@ -67,7 +67,7 @@ scans at rest. In the recordings of five sensors, 0.14 is the most; a sixth roun
 
 BLOCK_RAD = math.radians(10.0)
 BLOCK_BEAMS = 6
-"""Least width of a block of repeated returns: in the recordings of sensors with noise, the widest is 3 degrees."""
+"""Least width of a block of repeated returns: in the recordings of sensors with noise, the widest is 4 degrees."""
 
 Complex = npt.NDArray[np.complex128]
 

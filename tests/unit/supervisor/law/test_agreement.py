@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 
 from supervisor.law import sight as sights
 from supervisor.law.agreement import (
+    CONFIRMED_SHARE,
     DOUBTS,
+    LEAST_RAD,
     MOST_M,
     MOST_RAD,
     MOST_S,
@@ -28,7 +30,7 @@ from tests.scenes.operators import Scripted
 from tests.scenes.run import Moment, Outcome, Spoil, run
 from tests.scenes.sensing import Ranges
 from tests.scenes.simple import LIDAR, plain_scene
-from tests.unit.supervisor.law.closed_loop import World, random_world
+from tests.unit.supervisor.law.closed_loop import World, advance, random_world
 from tests.unit.supervisor.law.law_harness import CONFIG, NEUTRAL, Law
 from tests.unit.supervisor.law.views import view_of
 from wire.reasons import StopReason
@@ -209,6 +211,88 @@ def test_in_most_rooms_one_motion_shows_a_wrong_mounting(
         assert not explained or E.CONFIGURED not in explained
         found += bool(explained)
     assert found >= 36
+
+
+STEP = 2.0**-6
+"""Angle between two beams [rad]: 16 of them are `LEAST_RAD`, exactly."""
+SPUN = 26
+"""The robot turns by half a beam more than so many: a return lies between the beams 26 and 27 further on."""
+
+
+Part = tuple[int, int, float]
+"""First beam, number of beams, distance [m]."""
+
+
+def spin_between(old: list[Part], new: list[Part]) -> frozenset[E] | None:
+    """Explain two views during a turn on the spot: 2 m everywhere, except for these parts."""
+    views = []
+    for number, parts in enumerate((old, new)):
+        ranges = np.full(200, 2.0)
+        for first, count, distance_m in parts:
+            ranges[first : first + count] = distance_m
+        view = view_of(ranges, Geometry(200, -1.5, STEP))
+        views.append(view._replace(pose=Pose(0.0, 0.0, number * (SPUN + 0.5) * STEP)))
+    return explain(*views, HERE)
+
+
+def test_a_motion_is_judged_if_it_changes_enough_beams() -> None:
+    assert LEAST_RAD == 16 * STEP
+    assert spin_between([], [(100, 16, 4.0)]) == frozenset()
+    assert spin_between([], [(100, 15, 4.0)]) is None
+
+
+@pytest.mark.parametrize(("contradict", "confirmed"), [(9, True), (10, False)])
+def test_the_configuration_is_confirmed_if_it_explains_a_share_of_them(
+    contradict: int, *, confirmed: bool
+) -> None:
+    """Seven beams show what was 26 beams further on, an eighth should, and eight no longer show it."""
+    assert CONFIRMED_SHARE * 25 == 15.0
+    found = spin_between([(60 + SPUN, 9, 4.0)], [(60, 7, 4.0), (140, contradict, 6.0)])
+    assert found is not None
+    assert (E.CONFIGURED in found) is confirmed
+
+
+@pytest.mark.parametrize(("moved", "is_found"), [(8, True), (7, False)])
+def test_an_explanation_must_explain_enough_beams_that_the_configuration_does_not(
+    moved: int, *, is_found: bool
+) -> None:
+    """As many beams show what was on the other side, and as many do not show what the configuration predicts."""
+    found = spin_between([(60, moved + 1, 4.0)], [(60 + SPUN + 1, moved, 4.0), (140, 2, 6.0)])
+    mirrored = {E.MIRRORED, E.TURNS_BACK, E.MIRRORED_TURNED, E.BOTH_SIGNS}
+    assert found == (mirrored if is_found else frozenset())
+
+
+TURN_S = 0.18
+"""Time of one turn of a slow lidar."""
+
+
+def skewed(pose: Pose, twist: Velocity, mount: Mount = HERE) -> View:
+    """What a rotating lidar sees from a moving robot: its beams are measured one after the other."""
+    view = look(pose, mount)
+    for part in range(36):
+        beams, dt_s = slice(10 * part, 10 * part + 10), TURN_S * (part / 36 - 1.0)
+        then = advance(pose, twist, dt_s)
+        view.free_m[beams] = look(then, mount).free_m[beams]
+    return view
+
+
+@pytest.mark.parametrize("twist", [Velocity(0.0, 2.0), Velocity(1.0, 0.0), Velocity(0.8, 1.5)])
+@pytest.mark.parametrize("yaw_rad", [0.0, HALF])
+def test_the_skew_of_a_rotating_lidar_confirms_and_explains_nothing_wrong(
+    twist: Velocity, yaw_rad: float
+) -> None:
+    """At a steady twist, both scans are skewed alike. While the twist changes, nothing wrong is concluded."""
+    mount = Mount(0.1, 0.0, yaw_rad)
+    there = advance(START, twist, 0.3)
+    steady = explain(skewed(START, twist, mount), skewed(there, twist, mount), mount)
+    assert steady is not None
+    assert E.CONFIGURED in steady
+    for before, view in (
+        (look(START, mount), skewed(there, twist, mount)),
+        (skewed(START, twist, mount), look(there, mount)),
+    ):
+        changing = explain(before, view, mount)
+        assert not changing or E.CONFIGURED in changing
 
 
 def turned(pose: Pose, at_s: float = 0.0) -> View:
