@@ -246,7 +246,7 @@ def _is_clearly_better(fit: _Fit, other: _Fit, beam_rad: float) -> bool:
     """Return whether one explanation explains enough beams that another does not, and the other hardly any that it does not."""
     better = np.count_nonzero(fit.agrees & other.differs)
     worse = np.count_nonzero(other.agrees & fit.differs)
-    return better * beam_rad >= LEAST_RAD and worse <= CLEARLY * better
+    return bool(better * beam_rad >= LEAST_RAD and worse <= CLEARLY * better)
 
 
 def _is_far(shift: Shift, other: Shift) -> bool:

@@ -27,7 +27,7 @@ from supervisor.law.model import Odometry
 from supervisor.law.reckoning import Pose, Velocity
 from supervisor.law.scan import Geometry, Mount, View
 from tests.scenes.operators import Scripted
-from tests.scenes.run import Moment, Outcome, Spoil, run
+from tests.scenes.run import Moment, Outcome, Report, Spoil, run
 from tests.scenes.sensing import Ranges
 from tests.scenes.simple import LIDAR, plain_scene
 from tests.unit.supervisor.law.closed_loop import World, advance, random_world
@@ -225,14 +225,14 @@ Part = tuple[int, int, float]
 
 def spin_between(old: list[Part], new: list[Part]) -> frozenset[E] | None:
     """Explain two views during a turn on the spot: 2 m everywhere, except for these parts."""
-    views = []
+    views: list[View] = []
     for number, parts in enumerate((old, new)):
         ranges = np.full(200, 2.0)
         for first, count, distance_m in parts:
             ranges[first : first + count] = distance_m
         view = view_of(ranges, Geometry(200, -1.5, STEP))
         views.append(view._replace(pose=Pose(0.0, 0.0, number * (SPUN + 0.5) * STEP)))
-    return explain(*views, HERE)
+    return explain(views[0], views[1], HERE)
 
 
 def test_a_motion_is_judged_if_it_changes_enough_beams() -> None:
@@ -302,7 +302,8 @@ def turned(pose: Pose, at_s: float = 0.0) -> View:
 
 def doubts(*views: View, mount: Mount = HERE) -> list[int]:
     """The number of doubts after each view."""
-    agreement, numbers = Agreement(), []
+    agreement = Agreement()
+    numbers: list[int] = []
     for view in views:
         agreement = agree(agreement, view, mount)
         numbers.append(agreement.doubts)
@@ -442,14 +443,21 @@ def _mirrored(at_s: float, lidar: int, ranges: Ranges) -> Ranges:
     return np.roll(ranges[::-1], 1)
 
 
-def drive(wanted: Velocity, spoil: Spoil | None, noise_m: float, **report: object) -> tuple[Outcome, Moment]:
+def drive(
+    wanted: Velocity, spoil: Spoil | None, noise_m: float, report: Report | None = None
+) -> tuple[Outcome, Moment]:
     """Drive in a room with three pillars; return the outcome and the last moment."""
     discs = ((3.0, 0.4, 0.05), (-2.0, 1.0, 0.2), (1.0, -2.0, 0.3))
     scene = plain_scene(*discs, lidars=(replace(LIDAR, noise_m=noise_m),), duration_s=8.0)
     moments: list[Moment] = []
     outcome = run(
-        scene, operator=Scripted(wanted), spoil=spoil, watch=moments.append, stuck_s=math.inf, **report
-    )  # type: ignore[arg-type]
+        scene,
+        operator=Scripted(wanted),
+        spoil=spoil,
+        watch=moments.append,
+        report=report,
+        stuck_s=math.inf,
+    )
     return outcome, moments[-1]
 
 
@@ -482,8 +490,12 @@ def test_a_right_mounting_stops_nothing(wanted: Velocity) -> None:
     assert "SENSOR_MISMATCH" not in drive(wanted, None, 0.03)[0].stops
 
 
+def _nothing(now_s: float, twist: Velocity) -> None:
+    """No odometry."""
+
+
 def test_without_odometry_nothing_is_concluded_from_commands() -> None:
-    outcome, _ = drive(STRAIGHT, _turned, 0.002, report=lambda now_s, twist: None)
+    outcome, _ = drive(STRAIGHT, _turned, 0.002, report=_nothing)
     assert outcome.travelled_m > 1.0
     assert "SENSOR_MISMATCH" not in outcome.stops
 
@@ -514,7 +526,8 @@ def test_a_lidar_that_turns_clockwise_or_sees_only_a_part_is_judged_alike() -> N
     part = slice(70, 290)
     for before, there in ((turned(START), turned(ARC)), (look(START), look(ARC))):
         whole = explain(before, there, HERE)
-        clockwise, partly = [], []
+        clockwise: list[View] = []
+        partly: list[View] = []
         for view in (before, there):
             count, angle_min, step = view.geometry
             clockwise.append(
