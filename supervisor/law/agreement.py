@@ -177,26 +177,29 @@ def repeat(agreement: Agreement, before: ScanReading | None, scan: LaserScan, po
         return agreement
     returns = (scan.ranges > scan.range_min) & (scan.ranges < FAR_SHARE * scan.range_max)
     same &= returns
-    repeated = _blocks(same, least)
+    is_round = is_full_turn(before.view.geometry)
+    repeated = _blocks(same, least, is_round=is_round)
     is_noisy = np.count_nonzero(same & ~repeated) <= NOISY_SHARE * np.count_nonzero(returns & ~repeated)
     if rests:
         agreement = agreement._replace(rests=min(agreement.rests + 1, RESTS) if is_noisy else 0)
     if rests or not is_noisy or agreement.rests < RESTS:
         repeated[:] = False
     if agreement.repeated is not None:
-        repeated |= _blocks(agreement.repeated & same, least)
+        repeated |= _blocks(agreement.repeated & same, least, is_round=is_round)
     return agreement._replace(repeated=repeated if repeated.any() else None)
 
 
-def _blocks(same: Mask, least: int) -> Mask:
-    """Return which of the marked beams (n,) have at least so many marked neighbours in a row, with themselves."""
+def _blocks(same: Mask, least: int, *, is_round: bool) -> Mask:
+    """Return which of the marked beams (n,) belong to a row of at least so many; a full turn has no end."""
     blocks = np.zeros(len(same), dtype=np.bool_)
     if np.count_nonzero(same) < least:
         return blocks
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], same, [False])))).reshape(-1, 2)
+    start = int(np.argmin(same)) if is_round else 0  # a beam that is not marked: no row passes over the end
+    row = np.roll(same, -start)
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], row, [False])))).reshape(-1, 2)
     for first, end in edges[edges[:, 1] - edges[:, 0] >= least].tolist():
         blocks[first:end] = True
-    return blocks
+    return np.roll(blocks, start)
 
 
 def explain(before: View, view: View, mount: Mount) -> frozenset[Explanation] | None:

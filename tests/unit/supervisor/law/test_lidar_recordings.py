@@ -132,6 +132,31 @@ def test_a_recorded_drive_of_a_neato_keeps_its_speed_for_99_percent_of_its_time(
     assert slowed < 0.01 * moving
 
 
+@pytest.mark.parametrize("name", ["sick-intel", "neato-lds"])
+def test_no_recorded_motion_contradicts_the_mounting_and_no_sector_that_repeats_leaves_a_hole(
+    name: str,
+) -> None:
+    """The velocities of `sick-intel` contain spikes, so that its poses drift: nothing may be concluded from them."""
+    robot = replace(ROBOTS[name], longest_s=math.inf)
+    _load(name)  # skips without the recordings
+    replay = Replay(recordings.load(robot))
+    scans = repeated = holes = 0
+    for number, decision in replay.run():
+        assert StopReason.SENSOR_MISMATCH not in decision.causes
+        (lidar,) = replay.state.sight.lidars
+        block = lidar.agreement.repeated
+        if number is None or lidar.scan is None or lidar.scan.view is None:
+            continue
+        scans += 1
+        if block is not None and len(block) == len(lidar.scan.view.free_m):
+            repeated += 1
+            holes += bool((lidar.scan.view.free_m[block] == 0.0).any())
+    print(f"{name}: {repeated} of {scans} scans with a repeated block, {holes} with a hole")
+    assert scans > 300
+    assert repeated <= 0.002 * scans
+    assert holes == 0
+
+
 def test_the_same_places_with_an_object_at_20_cm_ahead_do_not(recording: Recording) -> None:
     places = _open(recording)
     for ranges in places[:: max(1, len(places) // 40)]:
