@@ -262,6 +262,43 @@ def test_an_explanation_must_explain_enough_beams_that_the_configuration_does_no
     assert found == (mirrored if is_found else frozenset())
 
 
+def test_an_explanation_must_place_most_returns() -> None:
+    for nonsense, is_found in ((30, True), (60, False)):
+        old, new = [(60, 9, 4.0)], [(60 + SPUN + 1, 8, 4.0), (100, nonsense, 6.0)]
+        assert bool(spin_between(old, new)) is is_found
+
+
+def test_an_explanation_must_be_better_than_a_robot_that_stood_still() -> None:
+    """What would be new under the configuration is at the end of the view, where the explanation is not wrong."""
+    assert spin_between([(180, 20, 4.0)], [(180, 20, 4.0)]) == frozenset()
+
+
+def test_an_explanation_must_be_better_than_the_configuration() -> None:
+    """Both explain 18 beams that a robot at rest does not, and the configuration 18 more; 44 beams show nonsense."""
+    old = [(176, 19, 4.0), (123, 19, 4.0)]
+    assert spin_between(old, [(150, 18, 4.0), (97, 18, 4.0), (0, 44, 6.0)]) == frozenset()
+
+
+def test_a_return_differs_beyond_twice_its_tolerance() -> None:
+    """Twice 6 cm and 2 % of 2.2 m."""
+    assert spin_between([], [(100, 16, 2.21)]) == frozenset()
+    assert spin_between([], [(100, 16, 2.20)]) is None
+
+
+@pytest.mark.parametrize(("more_m", "confirmed"), [(0.14, True), (0.15, False)])
+def test_a_return_agrees_within_its_tolerance(more_m: float, *, confirmed: bool) -> None:
+    found = spin_between([(60 + SPUN, 9, 4.0)], [(60, 7, 4.0 + more_m), (140, 9, 6.0)])
+    assert found is not None
+    assert (E.CONFIGURED in found) is confirmed
+
+
+def test_a_return_agrees_anywhere_between_the_old_ones_on_both_sides_of_it() -> None:
+    zigzag = [(beam, 1, 2.0 + beam % 2) for beam in range(100, 130)]
+    found = spin_between(zigzag, [(100 - SPUN, 29, 2.5)])
+    assert found is not None
+    assert E.CONFIGURED in found
+
+
 TURN_S = 0.18
 """Time of one turn of a slow lidar."""
 
@@ -334,13 +371,13 @@ def test_a_scan_becomes_the_reference_once_the_robot_has_moved_by_a_step(less: P
 
 
 def test_a_reference_is_replaced_once_it_is_too_old() -> None:
-    first = turned(START)
-    at_its_end = turned(START, MOST_S)
-    assert agree(Agreement(first), at_its_end, HERE).reference is first
-    too_old = turned(START, math.nextafter(MOST_S, math.inf))
+    first, end_s = turned(START, 5.0), 5.0 + MOST_S
+    later_s = math.nextafter(end_s, math.inf)
+    assert agree(Agreement(first), turned(START, end_s), HERE).reference is first
+    too_old = turned(START, later_s)
     assert agree(Agreement(first), too_old, HERE).reference is too_old
-    assert agree(Agreement(first), turned(ARC, MOST_S), HERE).doubts == 1
-    assert agree(Agreement(first), turned(ARC, math.nextafter(MOST_S, math.inf)), HERE).doubts == 0
+    assert agree(Agreement(first), turned(ARC, end_s), HERE).doubts == 1
+    assert agree(Agreement(first), turned(ARC, later_s), HERE).doubts == 0
 
 
 @pytest.mark.parametrize(

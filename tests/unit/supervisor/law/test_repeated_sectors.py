@@ -65,12 +65,12 @@ def test_a_block_at_an_end_of_the_scan_repeats(first: int) -> None:
 def test_a_block_passes_over_the_ends_of_a_full_turn_only(beams: int, *, is_round: bool) -> None:
     """The seam of a lidar that is turned by 180 degrees is straight ahead."""
     old, new = noisy(1, beams), noisy(2, beams)
-    new[:8], new[-8:] = old[:8], old[-8:]
+    new[:9], new[-9:] = old[:9], old[-9:]
     agreement = repeat(NOISY, seen(old), laser_scan(new, 1.0), AHEAD)
     later = noisy(3, beams)
     later[:7], later[-7:] = old[:7], old[-7:]
     again = repeat(agreement, seen(new), laser_scan(later, 1.0), HERE)
-    for found, ends in ((agreement, 8), (again, 7)):
+    for found, ends in ((agreement, 9), (again, 7)):
         if is_round:
             assert found.repeated is not None
             wanted = {*range(ends), *range(beams - ends, beams)}
