@@ -224,12 +224,10 @@ def explain(before: View, view: View, mount: Mount) -> frozenset[Explanation] | 
     if confirms >= CONFIRMED_SHARE * (confirms + contradicts):
         return frozenset(shifts.keys() - far.keys())
     others = {e: fits(shift) for e, shift in far.items()}
-    most = max((np.count_nonzero(fit.agrees) for fit in others.values()), default=0)
     return frozenset(
         e
         for e, fit in others.items()
         if fit.share >= EXPLAINED_SHARE
-        and np.count_nonzero(fit.agrees) >= (1.0 - CLEARLY) * most
         and _is_clearly_better(fit, expected, beam_rad)
         and _is_clearly_better(fit, still, beam_rad)
     )

@@ -150,6 +150,10 @@ def test_the_drift_of_the_heading_is_no_wrong_turn_sign() -> None:
     assert not found or E.CONFIGURED in found
 
 
+def test_a_room_that_changes_around_a_robot_at_rest_is_no_wrong_mounting() -> None:
+    assert explain(look(START), look(ARC, odometer=START), HERE) == frozenset()
+
+
 def test_a_motion_that_changes_nothing_is_not_judged() -> None:
     ring = view_of(np.full(360, 3.0))
     assert explain(ring, ring._replace(pose=Pose(0.0, 0.0, 0.5)), HERE) is None
@@ -295,6 +299,13 @@ def test_a_return_agrees_within_its_tolerance(more_m: float, *, confirmed: bool)
 def test_a_return_agrees_anywhere_between_the_old_ones_on_both_sides_of_it() -> None:
     zigzag = [(beam, 1, 2.0 + beam % 2) for beam in range(100, 130)]
     found = spin_between(zigzag, [(100 - SPUN, 29, 2.5)])
+    assert found is not None
+    assert E.CONFIGURED in found
+    old, new = np.full(360, 2.0), np.full(360, 2.0)
+    old[100:130] += np.arange(30) % 2
+    new[100 - SPUN : 129 - SPUN] = 2.5
+    spun = view_of(new)._replace(pose=Pose(0.0, 0.0, (SPUN + 0.5) * 2 * math.pi / 360))
+    found = explain(view_of(old), spun, HERE)
     assert found is not None
     assert E.CONFIGURED in found
 
