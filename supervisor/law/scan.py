@@ -368,7 +368,7 @@ def _view(
         explained &= able
     lost_rad = None
     if before is not None:
-        lost_rad = _lost(before, hit, explained & ~hit, moment, lidar.mount, scan.range_max)
+        lost_rad = _lost(before, hit, explained & ~hit, returned_s, moment, lidar.mount, scan.range_max)
     if lost_rad is not None:
         explained &= np.isnan(lost_rad)
     free_m = np.where(hit, distance_m, scan.range_max)
@@ -398,9 +398,15 @@ def _view(
 
 
 def _lost(
-    before: View, hit: Mask, silent: Mask, moment: Moment, mount: Mount, range_max_m: float
+    before: View,
+    hit: Mask,
+    silent: Mask,
+    returned_s: Floats,
+    moment: Moment,
+    mount: Mount,
+    range_max_m: float,
 ) -> Floats | None:
-    """Return `View.lost_rad` of a scan with these returns and silent beams; see silence.py."""
+    """Return `View.lost_rad` of a scan with these returns, silent beams, and times of the last returns; see silence.py."""
     count, angle_min, increment = before.geometry
     pose, is_round = moment.pose, is_full_turn(before.geometry)
     way, index = between(before.pose, pose), np.arange(count)
@@ -422,7 +428,9 @@ def _lost(
     there = there % count if is_round else there
     inside = (there >= 0) & (there < count)
     there = np.clip(there, 0, count - 1)
-    lost_rad[beams[inside & silent[there] & ~lost[there]]] = math.nan
+    # A beam that has not returned anything since the loss may be as blind as the lost one.
+    sees = silent[there] & ~lost[there] & (returned_s[there] > returned_s[beams])
+    lost_rad[beams[inside & sees]] = math.nan
     return None if np.isnan(lost_rad).all() else lost_rad
 
 

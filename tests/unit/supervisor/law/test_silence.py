@@ -171,6 +171,22 @@ def test_silence_that_turns_with_the_robot_remains_lost(turn_rad: float) -> None
 
 
 @pytest.mark.parametrize("turn_rad", [1.0, -1.0])
+@pytest.mark.parametrize("far_m", [10.0, math.inf])
+def test_a_beam_of_the_same_sector_that_lost_no_near_return_confirms_no_silence(
+    turn_rad: float, far_m: float
+) -> None:
+    law = Law(room_m=2.0)
+    law.ranges = np.where(np.abs(ANGLES) <= 0.05, far_m, 2.0).astype(np.float32)
+    law.hold(0.1, ("teleop", NEUTRAL))
+    law.ranges = np.where(AHEAD, np.inf, 2.0).astype(np.float32)
+    law.tick(("teleop", NEUTRAL))
+    lost = lost_of(law)
+    turn(law, turn_rad)
+    assert (lost_of(law) == lost).all()
+    assert lost.sum() > 20
+
+
+@pytest.mark.parametrize("turn_rad", [1.0, -1.0])
 def test_another_beam_that_finds_the_same_direction_silent_confirms_it(turn_rad: float) -> None:
     law = law_with_silence_ahead()
     turn(law, turn_rad, world=True)
