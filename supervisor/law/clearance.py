@@ -107,6 +107,10 @@ class Hull(Protocol):
         """Return the distances (m, n) [m] of points (n, 2) from the hull at each pose (m, 3): x [m], y [m], yaw [rad]."""
         ...
 
+    def covers_along(self, points: Floats, poses: Floats) -> Mask:
+        """Return whether the hull at each pose (m, 3), x [m], y [m], yaw [rad], covers each of the points (n, 2): (m, n)."""
+        ...
+
     def crossing(self, x_m: float, y_m: float, direction: Floats) -> "Crossing":
         """Return where the rays from a point along unit vectors (2, n) meet the hull; the point may be inside it."""
         ...
@@ -155,6 +159,9 @@ class Circle:
     def clearance_along(self, points: Floats, poses: Floats) -> Floats:
         offset_x, offset_y = points[:, 0] - poses[:, :1], points[:, 1] - poses[:, 1:2]
         return np.hypot(offset_x, offset_y) - self.radius_m
+
+    def covers_along(self, points: Floats, poses: Floats) -> Mask:
+        return self.clearance_along(points, poses) <= 0.0
 
     def crossing(self, x_m: float, y_m: float, direction: Floats) -> Crossing:
         middle_m: Floats = -(x_m * direction[0] + y_m * direction[1])  # of the chord
@@ -217,6 +224,20 @@ class ConvexPolygon:
     def clearance_along(self, points: Floats, poses: Floats) -> Floats:
         seen = _seen_from(points, poses)
         return self.clearance(seen.reshape(seen.size // 2, 2)).reshape(len(poses), len(points))
+
+    def covers_along(self, points: Floats, poses: Floats) -> Mask:
+        start, _, outward, _ = self._geometry
+        cos, sin = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
+        normal_x, normal_y = (
+            cos * outward[:, 0] - sin * outward[:, 1],
+            sin * outward[:, 0] + cos * outward[:, 1],
+        )
+        limit_m = (
+            (start * outward).sum(axis=1) + normal_x * poses[:, :1] + normal_y * poses[:, 1:2]
+        )  # (m, sides)
+        along_m = points @ np.array((normal_x.ravel(), normal_y.ravel()))  # (n, m x sides)
+        within: Mask = (along_m <= limit_m.ravel()).reshape(len(points), *limit_m.shape).all(axis=2).T
+        return within
 
     def crossing(self, x_m: float, y_m: float, direction: Floats) -> Crossing:
         start, _, outward, _ = self._geometry

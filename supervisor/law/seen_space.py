@@ -13,20 +13,21 @@ each hole. No other places need checking: the closing speed is the same for all 
 hull, and the hidden places are the first points that a normal meets. The barrier treats a hidden place like a
 return. The permitted speed therefore falls as less space is seen.
 
-Other lidars, and the scans of the last `unseen_memory_s`, may have seen places that are hidden from this lidar.
-Each hidden place is moved outward along its ray to the first point that none of them has proven free.
+Other lidars, and the scans of the last `unseen_memory_s`, may have seen places that are hidden from this lidar, and the hull
+itself may have occupied them (own_way.py). Each hidden place is moved outward along its ray to the first point that none of
+them has proven free.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from supervisor.law.clearance import NO_POINTS, NOTHING_M, Crossing, Floats, Hull
+from supervisor.law.clearance import NO_POINTS, NOTHING_M, Crossing, Floats, Hull, Mask
 from supervisor.law.reckoning import Pose, between
 from supervisor.law.scan import Geometry, Mount, Rays, View, is_full_turn, rays_of, unit_vectors
 
@@ -42,8 +43,20 @@ OUTWARD_M: Floats = np.array(
 ALONG_EDGE_M: Floats = np.concatenate((np.arange(0.0, 1.0, 0.04), np.arange(1.0, 20.0, 0.1)))
 """Distances along an edge of a hole at which discs are placed, measured from the first disc that fits."""
 
+BETWEEN_SHARES: Floats = np.array([0.25, 0.5, 0.75, 1.0])
+"""Shares of the distance from the last of these points that is free to the first that is not, at which the other views are
+checked again."""
+
 SEEN_MARGIN_M = 0.02
 """A ray proves a point free only if it ends more than this behind the point: readings are noisy."""
+
+
+class Evidence(Protocol):
+    """What may prove a view's hidden places free: another view, or the hull's own way."""
+
+    def proves_free(self, points: Floats, smallest_m: float) -> Mask:
+        """Return whether each of the points (n, 2) [m] of the base frame of the first view is proven free."""
+        ...
 
 
 class Lookout(NamedTuple):
@@ -54,6 +67,29 @@ class Lookout(NamedTuple):
     x_m: float
     y_m: float
     yaw_rad: float
+
+    def proves_free(self, points: Floats, smallest_m: float) -> Mask:
+        """Return whether both neighbouring beams end behind each point, and the smallest obstacle does not fit between them."""
+        count, angle_min, increment = self.geometry
+        away_x, away_y = points[:, 0] - self.x_m, points[:, 1] - self.y_m
+        distance_m = np.hypot(away_x, away_y)
+        turn = 2 * math.pi / abs(increment)
+        beam = ((np.arctan2(away_y, away_x) - self.yaw_rad - angle_min) / increment) % turn
+        first = np.floor(beam).astype(np.int64)
+        second = first + 1
+        fits_m: Floats = np.full(first.shape, hiding_distance_m(np.array(abs(increment)), smallest_m))
+        if is_full_turn(self.geometry):
+            seam = second >= count
+            second[seam] = 0
+            fits_m[seam] = hiding_distance_m(
+                np.array(_seam_rad(self.geometry)).clip(abs(increment)), smallest_m
+            )
+        inside = second < count
+        ends_m = np.minimum(
+            self.free_m[np.minimum(first, count - 1)], self.free_m[np.minimum(second, count - 1)]
+        )
+        free: Mask = inside & (ends_m > distance_m + SEEN_MARGIN_M) & (distance_m < fits_m)
+        return free
 
 
 @dataclass(frozen=True)
@@ -104,7 +140,7 @@ def hidden_places(
     hull: Hull,
     smallest_m: float,
     reach_m: float,
-    others: Callable[[], Sequence[Lookout]] = tuple,
+    others: Callable[[], Sequence[Evidence]] = tuple,
 ) -> Floats:
     """Return the hidden places (m, 2) [m] that no view proves free, in the base frame of the view's scan.
 
@@ -114,7 +150,7 @@ def hidden_places(
         hull: the robot's outline.
         smallest_m: the diameter of the smallest obstacle.
         reach_m: a place farther than this from the hull limits no motion.
-        others: returns the other views that may prove these places free; called only if there may be such places.
+        others: returns what else may prove these places free; called only if there may be such places.
     """
     gaps = _gaps(view.geometry, mount, hull, smallest_m)
     far_m = hull.radius_m + reach_m + math.hypot(mount.x_m, mount.y_m)
@@ -139,10 +175,9 @@ def hidden_places(
         parts.append(_along_the_edges(holes, view, rays, hull, smallest_m, far_m))
     direction = np.concatenate([part[0] for part in parts], axis=1)
     distance_m = np.concatenate([part[1] for part in parts])
-    lookouts = others()
-    if lookouts:
-        seen = _behind_other_views(direction, distance_m, mount, lookouts, smallest_m, far_m)
-        direction, distance_m = seen
+    evidence = others()
+    if evidence:
+        direction, distance_m = _behind_evidence(direction, distance_m, mount, evidence, smallest_m, far_m)
     places: Floats = (direction * distance_m + rays.origin_m).T
     return places
 
@@ -230,67 +265,52 @@ def _before_and_behind_hull(
     return [(direction[:, before], hides_m[before]), (direction[:, behind], behind_m[behind])]
 
 
-def _behind_other_views(
+def _behind_evidence(
     direction: Floats,
     distance_m: Floats,
     mount: Mount,
-    others: Sequence[Lookout],
+    evidence: Sequence[Evidence],
     smallest_m: float,
     far_m: float,
 ) -> tuple[Floats, Floats]:
-    """Move hidden places outward to the last point that the other views prove free.
+    """Move hidden places outward to the last point that the evidence proves free.
 
-    Rays that the other views prove free as far as `far_m` are dropped.
+    Rays that the evidence proves free as far as `far_m` are dropped.
 
     Args:
         direction: (2, n) unit vectors from the lidar.
         distance_m: (n,) distances of the hidden places from the lidar.
         mount: the lidar's mount.
-        others: the other views.
+        evidence: other views, and the hull's own way.
         smallest_m: the diameter of the smallest obstacle.
         far_m: a place farther than this from the lidar limits no motion.
 
     Returns:
         the directions (2, k) and distances (k,) of the remaining hidden places.
     """
+
+    def is_free(direction: Floats, along_m: Floats) -> Mask:
+        """Return whether the points at these distances (n, k) [m] along each ray are proven free."""
+        x_m, y_m = mount.x_m + direction[0][:, None] * along_m, mount.y_m + direction[1][:, None] * along_m
+        points = np.stack((x_m.ravel(), y_m.ravel()), axis=1)
+        open_ = np.arange(len(points))
+        free = np.zeros(len(points), dtype=np.bool_)
+        for one in evidence:
+            free[open_] = one.proves_free(points[open_], smallest_m)
+            open_ = open_[~free[open_]]
+        return free.reshape(along_m.shape)
+
     along_m = distance_m[:, None] + OUTWARD_M
-    x_m, y_m = mount.x_m + direction[0][:, None] * along_m, mount.y_m + direction[1][:, None] * along_m
-    free = np.zeros(along_m.shape, dtype=np.bool_)
-    free[:, 1:] = along_m[:, :-1] > far_m
-    for lookout in others:
-        free |= _sees_free(lookout, x_m, y_m, smallest_m)
+    free = is_free(direction, along_m)
+    free[:, 1:] |= along_m[:, :-1] > far_m
     hides = ~free.all(axis=1)
-    first = free[hides].argmin(axis=1)
-    before = np.maximum(first - 1, 0)
-    return direction[:, hides], along_m[hides][np.arange(len(before)), before]
-
-
-def _sees_free(
-    lookout: Lookout, x_m: Floats, y_m: Floats, smallest_m: float
-) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
-    """Return whether a view proves each point (x, y) free.
-
-    It does if both neighbouring beams end behind the point and the smallest obstacle does not fit between them.
-    """
-    count, angle_min, increment = lookout.geometry
-    away_x, away_y = x_m - lookout.x_m, y_m - lookout.y_m
-    distance_m = np.hypot(away_x, away_y)
-    turn = 2 * math.pi / abs(increment)
-    beam = ((np.arctan2(away_y, away_x) - lookout.yaw_rad - angle_min) / increment) % turn
-    first = np.floor(beam).astype(np.int64)
-    second = first + 1
-    fits_m: Floats = np.full(first.shape, hiding_distance_m(np.array(abs(increment)), smallest_m))
-    if is_full_turn(lookout.geometry):
-        seam = second >= count
-        second[seam] = 0
-        fits_m[seam] = hiding_distance_m(
-            np.array(_seam_rad(lookout.geometry)).clip(abs(increment)), smallest_m
-        )
-    inside = second < count
-    ends_m = np.minimum(
-        lookout.free_m[np.minimum(first, count - 1)], lookout.free_m[np.minimum(second, count - 1)]
-    )
-    return inside & (ends_m > distance_m + SEEN_MARGIN_M) & (distance_m < fits_m)
+    direction, along_m = direction[:, hides], along_m[hides]
+    rows, first = np.arange(len(along_m)), free[hides].argmin(axis=1)
+    before_m = along_m[rows, np.maximum(first - 1, 0)]
+    between_m = before_m[:, None] + (along_m[rows, first] - before_m)[:, None] * BETWEEN_SHARES
+    further = is_free(direction, between_m)
+    further[:, -1] = False  # the first point that is not free
+    return direction, np.column_stack((before_m, between_m))[rows, further.argmin(axis=1)]
 
 
 def lookout(view: View, mount: Mount, pose: Pose, from_pose: Pose) -> Lookout:

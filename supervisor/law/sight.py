@@ -15,10 +15,11 @@ from supervisor.law.base import Base
 from supervisor.law.clearance import NO_POINTS, Block, Floats, Kind, moved, nothing_around, survey
 from supervisor.law.model import Counts, LawConfig
 from supervisor.law.near_memory import Remembered, remember
+from supervisor.law.own_way import Stand, own_way, went
 from supervisor.law.reach import Place
 from supervisor.law.reckoning import Odometer, Pose, back_then, between
 from supervisor.law.scan import LaserScan, Lidar, Moment, ScanReading, View, read_scan
-from supervisor.law.seen_space import Lookout, hidden_places, lookout
+from supervisor.law.seen_space import Evidence, hidden_places, lookout
 from supervisor.law.writers import Sensor, Writer, heard
 from wire.freshness import FALL_TOLERANCE_S, Track, Verdict, judge
 from wire.reasons import StopReason
@@ -60,6 +61,8 @@ class Sight(NamedTuple):
     """The odometer pose that is the frame of `memory`."""
     past: tuple[Past, ...] = ()
     """Views of the last `unseen_memory_s`."""
+    way: tuple[Stand, ...] = ()
+    """The hull's poses of the last `unseen_memory_s`."""
     places: tuple[Place, ...] = ()
     """The remembered points and the hidden places."""
     looking: tuple[int, ...] = ()
@@ -75,7 +78,7 @@ def suspended(sight: Sight, config: LawConfig) -> Sight:
     for place in range(len(sight.lidars)):
         sight = _keep_shown(sight, config, place)
     lidars = (s._replace(scan=None, agreement=s.agreement._replace(reference=None)) for s in sight.lidars)
-    return sight._replace(lidars=tuple(lidars), past=())
+    return sight._replace(lidars=tuple(lidars), past=(), way=())
 
 
 def spoil(sight: Sight, place: int) -> Sight:
@@ -137,6 +140,7 @@ def see(sight: Sight, config: LawConfig, scan: LaserScan, base: Base) -> Sight:
         memory=memory,
         memory_pose=reading.view.pose,
         past=_keep_past(sight.past, config, lidar, reading.view),
+        way=_keep_way(sight.way, config, reading.view),
     )
 
 
@@ -188,6 +192,13 @@ def _keep_past(past: tuple[Past, ...], config: LawConfig, lidar: Lidar, view: Vi
     return tuple(kept)
 
 
+def _keep_way(way: tuple[Stand, ...], config: LawConfig, view: View) -> tuple[Stand, ...]:
+    """Return the hull's poses of the last `unseen_memory_s`."""
+    if config.unseen_memory_s == 0.0:
+        return ()
+    return went(way, view.pose, view.taken_s, view.taken_s - config.unseen_memory_s, config.hull)
+
+
 def usable(sight: Sight, config: LawConfig, now_s: float) -> Usable:
     """Return the newest scans that are valid and not too old, with the indices of their lidars."""
     return [(place, scan) for place, scan in _fresh(sight, config, now_s) if scan.problem is None]
@@ -222,14 +233,14 @@ def seek_hidden(sight: Sight, config: LawConfig, scans: Usable, *, moved_on: boo
         places.append(Place(sight.memory_pose, remembered))
     if scans:
         newest = max((scan.view for _, scan in scans if scan.view is not None), key=attrgetter("taken_s"))
-        hidden = np.concatenate([_hidden_from(sight.past, config, one, scans, newest.pose) for one in scans])
+        hidden = np.concatenate([_hidden_from(sight, config, one, scans, newest.pose) for one in scans])
         if len(hidden):
             places.append(Place(newest.pose, survey(config.hull, hidden, Kind.HIDDEN)))
     return sight._replace(places=tuple(places), looking=looking)
 
 
 def _hidden_from(
-    past: tuple[Past, ...], config: LawConfig, one: tuple[int, ScanReading], scans: Usable, pose: Pose
+    sight: Sight, config: LawConfig, one: tuple[int, ScanReading], scans: Usable, pose: Pose
 ) -> Floats:
     """Return the hidden places (n, 2) [m] of one lidar that no other view proves free, in the frame of `pose`.
 
@@ -245,7 +256,7 @@ def _hidden_from(
         config.hull,
         config.smallest_obstacle_m,
         config.reach_m,
-        lambda: _lookouts(past, config, others, view.pose),
+        lambda: _evidence(sight, config, others, view.pose),
     )
     if view.pose == pose:
         return hidden
@@ -253,12 +264,13 @@ def _hidden_from(
     return hidden[config.hull.clearance(hidden) > 0.0]  # no object can be inside the hull
 
 
-def _lookouts(past: tuple[Past, ...], config: LawConfig, others: Usable, pose: Pose) -> list[Lookout]:
-    """Return the views that may prove one lidar's hidden places free: those of other lidars, and recent ones."""
+def _evidence(sight: Sight, config: LawConfig, others: Usable, pose: Pose) -> list[Evidence]:
+    """Return what may prove one lidar's hidden places free: views of other lidars, recent views, and the hull's own way."""
     mounts = {lidar.name: lidar.mount for lidar in config.lidars}
     now = [(config.lidars[place].mount, scan.view) for place, scan in others]
-    before = [(mounts[p.lidar], p.view) for p in past]
-    return [lookout(view, mount, view.pose, pose) for mount, view in (*now, *before) if view is not None]
+    before = [(mounts[p.lidar], p.view) for p in sight.past]
+    views = [lookout(view, mount, view.pose, pose) for mount, view in (*now, *before) if view is not None]
+    return [*views, own_way(sight.way, config.hull, pose)] if sight.way else [*views]
 
 
 def causes(sight: Sight, config: LawConfig, now_s: float, scans: Usable) -> Iterator[StopReason]:
