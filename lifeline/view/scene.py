@@ -174,7 +174,7 @@ class Scene:
             angle_max=message.angle_max,
             lidar=place,
         )
-        moment = Moment(time_s, period_s, self._pose, self._travelled_m)
+        moment = Moment(time_s, period_s, self._pose, self._travelled_m, self._travelled_m)
         reading = read_scan(
             before, scan, moment, lidar, law.hull, law.reach_m, in_the_open=law.works_in_the_open
         )

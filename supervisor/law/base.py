@@ -19,7 +19,7 @@ from supervisor.law.base_braking import (
 from supervisor.law.base_motion import FOLLOWING, Following, follow, moves
 from supervisor.law.base_rolling import Rest, watch
 from supervisor.law.model import Inputs, LawConfig, Odometry
-from supervisor.law.reckoning import STANDSTILL, Odometer, Velocity, reckon, remembered
+from supervisor.law.reckoning import STANDSTILL, Odometer, Velocity, reckon, remembered, valid_at
 from supervisor.law.writers import Sensor, Writer, heard
 from wire.reasons import StopReason
 
@@ -38,6 +38,8 @@ class Base(NamedTuple):
     """Recent odometers, for the robot's pose at the time a scan was taken."""
     way_m: float = 0.0
     """Upper bound of the distance that any point of the hull has moved, measured or commanded."""
+    proven_way_m: float = 0.0
+    """The same distance as odometry shows it; without odometry, as commanded, a dead time later."""
     following: Following = FOLLOWING
     braking: Braking = UNMEASURED
     output: Velocity = STANDSTILL
@@ -122,7 +124,12 @@ def observe(base: Base, config: LawConfig, now_s: float, before_s: float | None,
     measured_m_s = 0.0 if is_still else config.hull_speed_m_s(odometer.velocity)
     odometers = base.odometers
     if odometer is not base.odometer:
-        odometers = remembered(odometers, base.odometer, now_s - config.longest_timeout_s)
+        since_s = now_s - config.longest_timeout_s - config.base_dead_time_s
+        odometers = remembered(odometers, base.odometer, since_s)
+    proven_m_s = measured_m_s
+    if odometry is None:  # the base does not follow a command before its dead time
+        followed = valid_at(odometers, odometer, now_s - config.base_dead_time_s)
+        proven_m_s = config.hull_speed_m_s(followed.velocity)
     writers = base.writers
     if config.odometry:
         for gid in inputs.odometry_writers:
@@ -136,6 +143,7 @@ def observe(base: Base, config: LawConfig, now_s: float, before_s: float | None,
         odometer=odometer,
         odometers=odometers,
         way_m=base.way_m + dt_s * max(measured_m_s, config.hull_speed_m_s(base.output)),
+        proven_way_m=base.proven_way_m + dt_s * proven_m_s,
         following=follow(
             base.following,
             base.output,

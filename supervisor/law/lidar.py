@@ -1,6 +1,7 @@
 """Meaning of lidar readings: REP 117, and the deviating conventions of real sensors.
 
-REP 117: −Inf is too close to measure, +Inf is nothing within range, NaN is no measurement. Real drivers encode "no
+REP 117: −Inf is too close to measure, +Inf is nothing within range, NaN is no measurement. A reading of exactly `range_max` is
+no return either: simulators and drivers cut off there. Real drivers encode "no
 return" as 0.0, NaN, a maximum code or a constant below `range_min`. A profile defines the codes of a sensor. A reading
 that the profile does not explain is invalid. A reading below `range_min` that is not a code is an obstacle too close
 to measure.
@@ -21,7 +22,7 @@ CODE_TOLERANCE_M = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class LidarProfile:
-    """How one kind of sensor encodes "no return"; +Inf and readings beyond `range_max` always mean it."""
+    """How one kind of sensor encodes "no return"; +Inf and readings from `range_max` on always mean it."""
 
     nan_is_free: bool = False
     zero_is_free: bool = False
@@ -103,7 +104,7 @@ def explain(
 ) -> Readings:
     """Classify readings (n,) [m] by their meaning under a profile."""
     readings = np.asarray(ranges, dtype=np.float64)
-    hit, free = readings <= range_max, readings > range_max  # NaN is neither
+    hit, free = readings < range_max, readings >= range_max  # NaN is neither
     if profile.nan_is_free:
         free |= np.isnan(readings)
     if profile.zero_is_free:

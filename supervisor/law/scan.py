@@ -157,7 +157,7 @@ class ScanReading(NamedTuple):
     repeats: int
     """How many consecutive scans before this one were identical to it, bit for bit."""
     travelled_m: float
-    """Distance that the hull had travelled at the first of these scans."""
+    """Distance that the hull had provenly travelled at the first of these scans."""
     return_share: float
     """Share of the beams with a return; if this scan is blank, that of the last scan that was not."""
     has_returned: bool
@@ -174,6 +174,8 @@ class Moment:
     """The odometer pose."""
     travelled_m: float
     """Upper bound of the distance that any point of the hull has moved since the start, measured or commanded."""
+    proven_m: float
+    """The same distance as odometry shows it; the base does not follow each command at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,13 +241,15 @@ def read_scan(
     view = _view(before, geometry, shown, explained, distance_m, scan, moment, lidar)
     has_returned = len(hits) > 0 or (previous is not None and previous.has_returned)
     repeats, since_m = _repetition(previous, scan, moment)
-    travel_m = moment.travelled_m - since_m
+    travel_m = moment.proven_m - since_m
     if previous is not None and _is_blank(share, previous):
         if previous.problem is None and moment.taken_s - previous.taken_s <= BLANK_SHARE * lidar.timeout_s:
             return previous
         problem, share = "nearly all returns disappeared from one scan to the next", previous.return_share
     elif share > 0.0 and repeats >= FROZEN_REPEATS and travel_m > FROZEN_TRAVEL_M:
-        problem = f"the same scan {repeats + 1} times while the robot moves"
+        problem = (
+            f"the same scan {repeats + 1} times while the robot moves: frozen, or simulated without noise"
+        )
     elif share > 0.0 and previous is not None and previous.problem is None and travel_m > REPEATED_TRAVEL_M:
         return previous._replace(repeats=repeats)
     elif not view.is_whole and not view.free_m.any():
@@ -275,7 +279,7 @@ def read_scan(
 def _repetition(previous: ScanReading | None, scan: LaserScan, moment: Moment) -> tuple[int, float]:
     """Return how often the scan repeats the previous one, and the distance travelled at the first of these scans."""
     if previous is None or previous.ranges.tobytes() != scan.ranges.tobytes():
-        return 0, moment.travelled_m
+        return 0, moment.proven_m
     return previous.repeats + 1, previous.travelled_m
 
 
@@ -299,7 +303,7 @@ def _invalid_reading(
         math.nan,
         scan.ranges,
         0,
-        moment.travelled_m,
+        moment.proven_m,
         share,
         previous is not None and previous.has_returned,
     )

@@ -129,7 +129,9 @@ def test_whatever_a_scan_says_the_view_of_it_is_finite_or_proves_nothing(
     lidar = Lidar("lidar", mount, profile, 0.25)
     reading: ScanReading | None = None
     for number in range(3):
-        moment = Moment(1.0 + 0.1 * number, 0.1, Pose(0.1 * number, 0.0, 0.02 * number), 0.1 * number)
+        moment = Moment(
+            1.0 + 0.1 * number, 0.1, Pose(0.1 * number, 0.0, 0.02 * number), 0.1 * number, 0.1 * number
+        )
         reading = read_scan(reading, scan, moment, lidar, hull, 2.0, in_the_open=False)
         _check_reading(reading, lidar, hull)
     assert ranges.tobytes() == before

@@ -44,7 +44,7 @@ def below(value: float) -> float:
     [
         (math.inf, FREE),
         (above(MAX_M), FREE),
-        (MAX_M, HIT),
+        (MAX_M, FREE),
         (below(MAX_M), HIT),
         (2.0, HIT),
         (above(MIN_M), HIT),
@@ -55,7 +55,7 @@ def below(value: float) -> float:
         (-math.inf, HIT),
     ],
 )
-def test_whatever_the_sensor_a_distance_is_a_hit_and_beyond_the_range_is_free(
+def test_whatever_the_sensor_a_distance_is_a_hit_and_from_the_range_on_is_free(
     name: str, reading: float, means: str
 ) -> None:
     assert meaning(reading, PROFILES[name]) == means

@@ -33,6 +33,7 @@ def read(
     taken_s: float = 0.0,
     pose: Pose = HERE,
     travelled_m: float = 0.0,
+    proven_m: float | None = None,
     in_the_open: bool = False,
     fields: dict[str, float] | None = None,
     repeated: np.ndarray | None = None,
@@ -41,7 +42,7 @@ def read(
     return read_scan(
         previous,
         replace(scan, **(fields or {})),  # type: ignore[arg-type]
-        Moment(taken_s, PERIOD_S, pose, travelled_m),
+        Moment(taken_s, PERIOD_S, pose, travelled_m, travelled_m if proven_m is None else proven_m),
         lidar,
         hull,
         3.0,
@@ -200,7 +201,7 @@ def test_a_frozen_scan_is_noticed_once_the_robot_has_moved() -> None:
         scan = read(full(), scan, travelled_m=n * 0.0101)
         problems.append(scan.problem)
     assert problems[:2] == [None, None]
-    assert problems[2] == "the same scan 4 times while the robot moves"
+    assert problems[2] == "the same scan 4 times while the robot moves: frozen, or simulated without noise"
     assert math.isnan(scan.nearest_m)
     assert read(full(2.001), scan, travelled_m=1.0).problem is None
 
@@ -225,6 +226,20 @@ def test_a_scan_that_repeats_the_one_before_while_the_robot_moves_shows_nothing_
     assert (again.view is first.view) is not is_new
 
 
+def test_a_commanded_way_that_no_odometry_shows_freezes_no_lidar() -> None:
+    """A base with a dead time stands still while it is commanded to move."""
+    scan = read(full())
+    for n in range(1, 100):
+        scan = read(full(), scan, taken_s=0.05 * n, travelled_m=0.05 * n, proven_m=0.005)
+        assert (scan.problem, scan.taken_s) == (None, 0.05 * n)
+
+
+def test_of_scans_between_two_others_only_the_proven_way_counts() -> None:
+    invalid = read(full(), read(full(), proven_m=1.0), proven_m=2.0, fields={"range_min": 13.0})
+    assert invalid.travelled_m == 2.0
+    assert read(full(3.0), invalid, proven_m=2.5).travelled_m == 2.5
+
+
 def test_a_robot_at_rest_may_see_the_same_for_ever() -> None:
     scan = read(full())
     for _ in range(1000):
@@ -237,6 +252,14 @@ def test_an_open_field_may_look_the_same_while_the_robot_moves() -> None:
     for n in range(100):
         scan = read(full(math.inf), scan, travelled_m=n * 0.1, in_the_open=True)
     assert scan.problem is None
+
+
+def test_an_open_field_whose_beams_read_the_maximum_range_looks_the_same_too() -> None:
+    scan = read(full(12.0), in_the_open=True)
+    for n in range(100):
+        scan = read(full(12.0), scan, travelled_m=n * 0.1, in_the_open=True)
+    assert scan.problem is None
+    assert read(full(12.0)).problem == NEVER_RETURNED
 
 
 def test_a_blank_scan_counts_as_missing_for_half_a_timeout() -> None:
