@@ -53,7 +53,7 @@ def _is_a_sensors_topic(topic: str) -> str:
 
 
 class ReadingsSection(Section):
-    """Meaning of the readings of a sensor without a profile; +Inf and readings beyond range_max are always free."""
+    """Meaning of the readings of a sensor without a profile; +Inf and readings from range_max on are always free."""
 
     nan_is_free: bool = False
     zero_is_free: bool = False
@@ -226,6 +226,8 @@ class SupervisorSection(Section):
     smallest_obstacle_m: Annotated[float, Between(0.005, 0.5)] = 0.04
     unseen_memory_s: Memory = 0.0
     works_in_the_open: bool = False
+    # Faster, a robot whose lidar is covered would not be stopped by its bumper.
+    open_m_s: Annotated[float, Between(0.05, 1.0)] = 0.5
     # From a higher creep speed, the base could not stop within a hand's width.
     blind_creep_m_s: Annotated[float, Between(0.0, 0.2)] = 0.0
     blind_budget_m: Annotated[float, Between(0.01, 2.0)] = 0.2

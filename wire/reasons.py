@@ -34,6 +34,7 @@ class Limit(StrEnum):
     COMMAND_AGE = "COMMAND_AGE"
     BASE_UNMEASURED = "BASE_UNMEASURED"
     BASE_WEAK = "BASE_WEAK"
+    IN_THE_OPEN = "IN_THE_OPEN"
 
 
 SEVERITY = {reason: rank for rank, reason in enumerate(StopReason)}
@@ -181,6 +182,12 @@ LIMIT_WORDS: Mapping[Limit, Words] = {
         over="the base braked worse, or reacted later, than configured",
         caption="weak or late brakes",
         step="reduce the load, or set deceleration_m_s2 and base_dead_time_s to what the base shows",
+    ),
+    Limit.IN_THE_OPEN: Words(
+        now="a lidar sees nothing, which counts as free only slowly",
+        over="a lidar saw nothing",
+        caption="nothing in sight of a lidar",
+        step="slow down, or drive where the lidar sees something",
     ),
 }
 

@@ -269,10 +269,11 @@ def seen_table() -> str:
             "`blind_creep_m_s`",
         ),
         (
-            "whether a lidar without any return since the start is valid",
+            "whether silence counts as free without a return before, while less than a tenth of the beams return",
             str(d.works_in_the_open).lower(),
             "`works_in_the_open`",
         ),
+        ("maximum speed on such silence", f"{d.open_m_s:g} m/s", "`open_m_s`"),
         (
             "number of scans that cover a remembered point and find nothing there, after which it is dropped",
             f"{MISSES}",
@@ -288,7 +289,7 @@ def profiles_table() -> str:
     return _table(
         (
             "profile",
-            "“no return”, besides +Inf and readings beyond `range_max`",
+            "“no return”, besides +Inf and readings from `range_max` on",
             "trusted from the start",
             "trusted without a return for",
             "timeout",

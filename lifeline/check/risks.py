@@ -125,7 +125,7 @@ def _of_unseen_space(config: SupervisorSection) -> Iterator[Risk]:
     if config.works_in_the_open:
         yield Risk(
             "works_in_the_open = true",
-            "A scan without a single return is valid: a covered lidar looks like open space.",
+            f"A covered lidar looks like open space, in which the robot drives at up to {config.open_m_s:g} m/s.",
         )
     if config.blind_creep_m_s > 0.0:
         yield Risk(

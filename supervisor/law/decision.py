@@ -63,6 +63,7 @@ def detail_of(
     mismatch: str = "",
     stations: str = "",
     weakness: str = "",
+    open_m_s: float = math.nan,
 ) -> str:
     """Return part of a sentence with the details of the most severe cause; empty if there are none.
 
@@ -76,11 +77,14 @@ def detail_of(
         mismatch: what motion shows instead of the configuration.
         stations: which e-stop stations are pressed or missing.
         weakness: what the base does worse than configured.
+        open_m_s: the highest speed on silence that only `works_in_the_open` explains.
     """
     if not causes and limit is Limit.BASE_WEAK:
         return weakness
     if not causes and limit is Limit.BASE_UNMEASURED:
         return f"one stop from {LEAST_SPEED_M_S:g} m/s measures the base; or set deceleration_m_s2"
+    if not causes and limit is Limit.IN_THE_OPEN:
+        return f"open_m_s permits {open_m_s:g} m/s while a lidar is silent"
     if not causes and limit is not None:
         return "blind_budget_m permits less than this speed" if is_too_fast else "the next command is late"
     where = bearing_in_words(block_bearing_rad)

@@ -58,7 +58,7 @@ class LawConfig:
     unseen_memory_s: float
     """How long a place counts as free after it was seen free."""
     works_in_the_open: bool
-    """Whether to accept scans of a lidar that has not had any return since the start."""
+    """Whether the silence of a lidar that hardly has returns counts as free, at up to `open_m_s`."""
     odometry: bool
     """Whether the base publishes odometry; if not, the law uses its own commands."""
     odom_timeout_s: float
@@ -67,6 +67,8 @@ class LawConfig:
     base_angular_acceleration_rad_s2: float
     blind_budget_m: float = math.inf
     """How far the base may drive on a command that is not renewed; infinite in recordings that do not have it."""
+    open_m_s: float = math.inf
+    """Fastest speed of the hull on silence that only `works_in_the_open` explains; infinite in recordings that do not have it."""
     estop_stations: tuple[StationConfig, ...] = ()
     base_dead_time_s: float = 0.0
     """How long the base keeps its speed after a command; part of the reaction time."""

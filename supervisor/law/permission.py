@@ -14,7 +14,7 @@ from supervisor.law.clearance import Barrier, Block, permitted_scale
 from supervisor.law.model import LawConfig
 from supervisor.law.reach import KnownPoints, Place, in_reach
 from supervisor.law.reckoning import Velocity
-from supervisor.law.sight import Sight, Usable
+from supervisor.law.sight import Sight, Usable, is_assumed
 from supervisor.law.transition import along, is_on_another_arc, lags, mixtures
 
 PRESENT_SHARE = 0.95
@@ -47,6 +47,11 @@ def measured(commanded: Velocity, config: LawConfig) -> float:
     if math.isfinite(config.shown_m_s2) or speed_m_s == 0.0:
         return math.inf
     return config.unmeasured_m_s / speed_m_s
+
+
+def in_the_open(scans: Usable, commanded: Velocity, config: LawConfig) -> float:
+    """Return the share of a motion that is permitted while silence counts as free by assumption; infinite otherwise."""
+    return config.open_m_s / config.hull_speed_m_s(commanded) if is_assumed(scans) else math.inf
 
 
 def points_in_reach(

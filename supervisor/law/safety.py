@@ -28,7 +28,7 @@ from supervisor.law.decision import Decision, Mode, by_severity, detail_of
 from supervisor.law.estop_stations import detail_of as detail_of_stations
 from supervisor.law.interlock import BARRIER_REASONS, Reply
 from supervisor.law.model import Inputs, LawConfig, Reasons
-from supervisor.law.permission import barrier, measured, points_in_reach, renewed
+from supervisor.law.permission import barrier, in_the_open, measured, points_in_reach, renewed
 from supervisor.law.reckoning import STANDSTILL, Velocity
 from supervisor.law.sight import LidarState, Sight, Usable
 from supervisor.law.state import Clock, State
@@ -168,6 +168,7 @@ def _decide(
         for permitted, reduces in (
             (renewed(now_s - owner.sent_s, commanded, config), Limit.COMMAND_AGE),
             (measured(commanded, config), Limit.BASE_UNMEASURED),
+            (in_the_open(usable, commanded, config), Limit.IN_THE_OPEN),
         ):
             if permitted < scale:
                 scale, limit = permitted, reduces
@@ -253,6 +254,7 @@ def _explain(
             mismatch=sights.mismatches(sight, config),
             stations=detail_of_stations(interlock.stations),
             weakness=bases.weakness(config),
+            open_m_s=config.open_m_s,
         ),
         stations=interlock.stations.stations,
     )

@@ -7,7 +7,8 @@ nothing: earlier scans stand in for its direction for one timeout; after that, t
 returns vanished that cannot have moved away (silence.py), and so does a sector that repeats (agreement.py).
 
 A scan proves nothing if its numbers contradict each other, if it repeats while the robot moves, if nearly all
-returns vanish from one scan to the next, or if the lidar has not had any return since the start.
+returns vanish from one scan to the next, or if the lidar has not had any return since the start. Where the configuration says
+that the robot works in the open, silence counts as free without a return before, at a lower speed.
 """
 
 import math
@@ -36,6 +37,9 @@ BLANK_DROP = 0.1
 """A scan is blank if it has less than a tenth of the returns of the previous scan, and that scan had returns on at least a
 tenth of its beams. A blank scan counts as missing at first, so that a single one stops nothing; then they are invalid until the
 returns come back: a lidar with a failed laser looks the same."""
+
+OPEN_SHARE = 0.1
+"""In the open, a smaller share of the beams than this has a return."""
 
 BLANK_SHARE = 0.5
 """Share of the timeout for which blank scans count as missing; below 1, so that the reason is not that there is no scan."""
@@ -162,6 +166,8 @@ class ScanReading(NamedTuple):
     """Share of the beams with a return; if this scan is blank, that of the last scan that was not."""
     has_returned: bool
     """Whether this lidar has had any return since the start."""
+    is_assumed: bool = False
+    """Whether silence counts as free only because the robot works in the open: its beams have not had a return lately."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,7 +226,8 @@ def read_scan(
         lidar: the configuration of its lidar.
         hull: the robot's outline.
         reach_m: a return farther than this from the hull limits no motion.
-        in_the_open: whether to accept scans of a lidar that has not had any return since the start.
+        in_the_open: whether the robot works in the open: silence counts as free without a return before, while less than
+            `OPEN_SHARE` of the beams have one.
         repeated: (n,) beams that repeat an earlier scan (agreement.py): their returns count, but prove nothing free.
     """
     problem = _contradiction(scan, lidar.min_beams)
@@ -235,10 +242,11 @@ def read_scan(
     hit = readings.hit & rays.looking
     (hits,) = hit.nonzero()
     share = len(hits) / geometry.beams
+    is_open = in_the_open and share < OPEN_SHARE
     explained, shown = readings.explained & rays.looking, hit
     if repeated is not None:
         explained, shown = explained & ~repeated, hit & ~repeated
-    view = _view(before, geometry, shown, explained, distance_m, scan, moment, lidar)
+    view = _view(before, geometry, shown, explained, distance_m, scan, moment, lidar, is_open=is_open)
     has_returned = len(hits) > 0 or (previous is not None and previous.has_returned)
     repeats, since_m = _repetition(previous, scan, moment)
     travel_m = moment.proven_m - since_m
@@ -273,6 +281,10 @@ def read_scan(
         since_m,
         share,
         has_returned,
+        is_open
+        and not (
+            has_returned and bool(_heard(view.returned_s, view.returned_m, moment, lidar.profile).all())
+        ),
     )
 
 
@@ -335,6 +347,8 @@ def _view(
     scan: LaserScan,
     moment: Moment,
     lidar: Lidar,
+    *,
+    is_open: bool,
 ) -> View:
     """Return the view: how far each ray is proven free, and when each beam last had a return."""
     profile, taken_s = lidar.profile, moment.taken_s
@@ -365,11 +379,8 @@ def _view(
     else:
         returned_s = np.where(hit, taken_s, -math.inf)
         returned_m = np.where(hit, moment.travelled_m, -math.inf)
-    if profile.silence_limit_s < math.inf:
-        able = (returned_s >= taken_s - profile.silence_limit_s) | (
-            returned_m >= moment.travelled_m - profile.silence_limit_m
-        )
-        explained &= able
+    if profile.silence_limit_s < math.inf and not is_open:
+        explained &= _heard(returned_s, returned_m, moment, profile)
     lost_rad = None
     if before is not None:
         lost_rad = _lost(before, hit, explained & ~hit, returned_s, moment, lidar.mount, scan.range_max)
@@ -398,6 +409,13 @@ def _view(
         returned_s,
         returned_m,
         lost_rad,
+    )
+
+
+def _heard(returned_s: Floats, returned_m: Floats, moment: Moment, profile: LidarProfile) -> Mask:
+    """Return whether each beam had a return lately, so that its silence proves its ray free."""
+    return (returned_s >= moment.taken_s - profile.silence_limit_s) | (
+        returned_m >= moment.travelled_m - profile.silence_limit_m
     )
 
 

@@ -140,7 +140,7 @@ def see(sight: Sight, config: LawConfig, scan: LaserScan, base: Base) -> Sight:
         memory=memory,
         memory_pose=reading.view.pose,
         past=_keep_past(sight.past, config, lidar, reading.view),
-        way=_keep_way(sight.way, config, reading.view),
+        way=_keep_way(sight.way, config, reading.view, base),
     )
 
 
@@ -192,9 +192,9 @@ def _keep_past(past: tuple[Past, ...], config: LawConfig, lidar: Lidar, view: Vi
     return tuple(kept)
 
 
-def _keep_way(way: tuple[Stand, ...], config: LawConfig, view: View) -> tuple[Stand, ...]:
-    """Return the hull's poses of the last `unseen_memory_s`."""
-    if config.unseen_memory_s == 0.0:
+def _keep_way(way: tuple[Stand, ...], config: LawConfig, view: View, base: Base) -> tuple[Stand, ...]:
+    """Return the hull's poses of the last `unseen_memory_s`; none without odometry, because commands prove no way."""
+    if config.unseen_memory_s == 0.0 or base.odometry is None:
         return ()
     return went(way, view.pose, view.taken_s, view.taken_s - config.unseen_memory_s, config.hull)
 
@@ -279,6 +279,11 @@ def causes(sight: Sight, config: LawConfig, now_s: float, scans: Usable) -> Iter
         yield StopReason.SCAN_INVALID if _fresh(sight, config, now_s) else StopReason.SCAN_STALE
     if any(lidar.agreement.mismatch for lidar in sight.lidars):
         yield StopReason.SENSOR_MISMATCH
+
+
+def is_assumed(scans: Usable) -> bool:
+    """Return whether a lidar's silence counts as free only because the robot works in the open."""
+    return any(scan.is_assumed for _, scan in scans)
 
 
 def sensors(sight: Sight, config: LawConfig) -> Iterator[Sensor]:

@@ -234,7 +234,11 @@ def test_an_endpoint_on_this_machine_or_behind_tls_is_no_risk(tmp_path: Path, en
         ),
         (lidar('profile = "neato_xv"'), 'profile of lidar = "neato_xv"', "Readings of 0.0, NaN, 0.053 count"),
         (lidar('profile = "hokuyo_urg"'), 'profile of lidar = "hokuyo_urg"', "below 0.0195 m"),
-        ("[supervisor]\nworks_in_the_open = true", "works_in_the_open = true", "a covered lidar looks like"),
+        (
+            "[supervisor]\nworks_in_the_open = true",
+            "works_in_the_open = true",
+            "covered lidar looks like open space, in which the robot drives at up to 0.5 m/s",
+        ),
         (
             "[supervisor]\nblind_creep_m_s = 0.05",
             "blind_creep_m_s = 0.05",

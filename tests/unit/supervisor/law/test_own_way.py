@@ -14,7 +14,7 @@ from supervisor.law.own_way import MOST_STANDS, STEP_M, OwnWay, Stand, own_way, 
 from supervisor.law.reckoning import NEGLIGIBLE, STANDSTILL, Pose, Velocity
 from supervisor.law.scan import LaserScan, Mount
 from tests.unit.supervisor.law.closed_loop import ANGLES, BEAMS, Base, World, advance
-from tests.unit.supervisor.law.law_harness import CONFIG, NEUTRAL, TICK_S, Law, on_time, with_lidar
+from tests.unit.supervisor.law.law_harness import CONFIG, FORWARD, NEUTRAL, TICK_S, Law, on_time, with_lidar
 
 CIRCLE = Circle(0.25)
 TRUCK = ConvexPolygon(((0.4, -0.3), (0.4, 0.3), (-0.4, 0.3), (-0.4, -0.3)))
@@ -100,6 +100,14 @@ def test_the_own_way_is_looked_at_from_where_the_robot_is() -> None:
 def test_without_a_memory_of_seen_space_no_pose_is_kept() -> None:
     assert in_the_hall(0.0).state.sight.way == ()
     assert len(in_the_hall(1.0).state.sight.way) == 4
+
+
+def test_without_odometry_no_pose_is_kept() -> None:
+    law = Law(replace(CONFIG, unseen_memory_s=5.0, odometry=False))
+    for _ in range(100):
+        law.tick(("teleop", FORWARD if law.decision.owner else NEUTRAL))
+    assert law.state.base.way_m > 0.5
+    assert law.state.sight.way == ()
 
 
 def in_the_hall(memory_s: float) -> Law:
