@@ -71,6 +71,8 @@ class LidarSection(Section):
     x_m: Distance = 0.0
     y_m: Distance = 0.0
     yaw_rad: Angle = 0.0
+    flip: bool = False
+    """Whether it is mounted upside down."""
     masked_rad: Annotated[tuple[Sector, ...], Field(max_length=16, strict=False)] = ()
     # Fewer beams cannot show the surroundings; no planar lidar has more than 4,096.
     min_beams: Annotated[int, Between(12, 4096)] = 90
@@ -94,7 +96,7 @@ class LidarSection(Section):
         return self
 
     def mount(self) -> Mount:
-        return Mount(self.x_m, self.y_m, self.yaw_rad, self.masked_rad)
+        return Mount(self.x_m, self.y_m, self.yaw_rad, self.masked_rad, self.flip)
 
     def readings(self) -> LidarProfile:
         if self.own is None:

@@ -180,6 +180,7 @@ def to_json(report: Report) -> dict[str, Any]:
                 "x_m": lidar.x_m,
                 "y_m": lidar.y_m,
                 "yaw_rad": lidar.yaw_rad,
+                "flip": lidar.flip,
                 **view._asdict(),
                 "timeout_s": report.config.scan_timeout_of(lidar),
             }
@@ -252,7 +253,7 @@ def _lidar_table(report: Report) -> Table:
             lidar.name,
             lidar.topic,
             lidar.profile,
-            f"{lidar.x_m:g} m, {lidar.y_m:g} m, {math.degrees(lidar.yaw_rad):.0f}°",
+            f"{lidar.x_m:g} m, {lidar.y_m:g} m, {math.degrees(lidar.yaw_rad):.0f}°{', upside down' if lidar.flip else ''}",
             f"{math.degrees(view.angle_min):.0f}° to {math.degrees(view.angle_min + gaps * view.angle_increment):.0f}°",
             str(view.beams),
             f"{view.range_max_m:g} m",

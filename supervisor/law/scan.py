@@ -65,6 +65,8 @@ class Mount:
     yaw_rad: float = 0.0
     masked_rad: tuple[tuple[float, float], ...] = ()
     """Sectors (from, to) in the lidar's frame, counter-clockwise, that show the robot; readings there are ignored."""
+    flip: bool = False
+    """Whether the lidar is mounted upside down: the angles of its frame then run clockwise, as seen from above."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,12 +84,18 @@ class Lidar:
 
 
 class Geometry(NamedTuple):
-    """The angles of a scan's beams in the lidar's frame [rad]."""
+    """The angles of a scan's beams in the lidar's frame [rad], as seen from above: counter-clockwise from its x axis."""
 
     beams: int
     angle_min: float
     increment: float
     """Angle between neighbouring beams [rad]; negative for a clockwise scan."""
+
+    @classmethod
+    def of(cls, scan: "LaserScan", mount: Mount) -> "Geometry":
+        """Return the angles of a scan as seen from above."""
+        sign = -1.0 if mount.flip else 1.0
+        return cls(len(scan.ranges), sign * scan.angle_min, sign * scan.angle_increment)
 
 
 @dataclass(frozen=True)
@@ -234,7 +242,7 @@ def read_scan(
     before = None if previous is None else previous.view
     if problem is not None:
         return _invalid_reading(previous, scan, moment, problem, hull)
-    geometry = Geometry(len(scan.ranges), scan.angle_min, scan.angle_increment)
+    geometry = Geometry.of(scan, lidar.mount)
     rays = rays_of(geometry, lidar.mount, hull)
     readings = explain(scan.ranges, scan.range_min, scan.range_max, lidar.profile)
     # No object can be inside the hull: a return inside it is moved outward along its beam to the outline.
@@ -524,8 +532,9 @@ def rays_of(geometry: Geometry, mount: Mount, hull: Hull) -> Rays:
     """Return the beams of a scan geometry in the base frame."""
     angle: Floats = geometry.angle_min + geometry.increment * np.arange(geometry.beams, dtype=np.float64)
     looking = np.ones(geometry.beams, dtype=np.bool_)
+    own = -angle if mount.flip else angle
     for start, end in mount.masked_rad:
-        looking &= (angle - start) % (2 * math.pi) > (end - start) % (2 * math.pi)
+        looking &= (own - start) % (2 * math.pi) > (end - start) % (2 * math.pi)
     direction = unit_vectors(mount.yaw_rad + angle)
     origin_m = np.array([[mount.x_m], [mount.y_m]])
     is_inside = hull.clearance(origin_m.T).item() < 0.0

@@ -126,7 +126,9 @@ def _points(scan: LaserScan, robot: Robot, scale: Scale) -> Floats:
     )
     # NaN and infinity give no point: comparisons with NaN are false, and infinity exceeds every limit.
     at = np.flatnonzero((ranges >= max(0.0, scan.range_min)) & (ranges <= min(scan.range_max, farthest_m)))
-    beams = _beams(len(ranges), scan.angle_min + robot.lidar_yaw_rad, scan.angle_increment)[at]
+    sign = -1.0 if robot.lidar_flip else 1.0
+    first_rad = robot.lidar_yaw_rad + sign * scan.angle_min
+    beams = _beams(len(ranges), first_rad, sign * scan.angle_increment)[at]
     points = beams * ranges[at, None] + np.array([robot.lidar_x_m, robot.lidar_y_m])
     return points[np.isfinite(points).all(axis=1)]
 
@@ -226,6 +228,7 @@ def robot_of(document: dict[str, Any]) -> Robot:
         lidar_x_m=_number(lidar, "x_m", 0.0),
         lidar_y_m=_number(lidar, "y_m", 0.0),
         lidar_yaw_rad=_number(lidar, "yaw_rad", 0.0),
+        lidar_flip=lidar.get("flip") is True,
         stop_distance_m=_number(supervisor, "stop_distance_m", _DEFAULT.stop_distance_m),
         warning_distance_m=_number(supervisor, "warning_distance_m", _DEFAULT.warning_distance_m),
     )

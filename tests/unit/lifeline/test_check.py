@@ -1,5 +1,6 @@
 """`lifeline check`: the permitted motions and the risks of a configuration."""
 
+import json
 import math
 import os
 from functools import cache
@@ -10,7 +11,7 @@ from typer.testing import CliRunner
 
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import DEFAULT_CONFIG
-from lifeline.check.check import Report, examine, stopping
+from lifeline.check.check import Report, check, examine, stopping
 from lifeline.check.motions import MOTIONS, Permitted
 from lifeline.cli.app import app
 from supervisor.law.reckoning import STANDSTILL, Velocity
@@ -139,6 +140,15 @@ def test_the_slowest_lidar_decides_how_late_it_reacts(tmp_path: Path) -> None:
 
 
 # --- the view of a lidar
+
+
+def test_a_lidar_upside_down_is_shown_as_such(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text("[supervisor.lidar]\nflip = true\n[sim]\n")
+    check(path)
+    assert "upside" in capsys.readouterr().out
+    check(path, as_json=True)
+    assert json.loads(capsys.readouterr().out)["lidars"][0]["flip"] is True
 
 
 def test_a_lidars_own_keys_count_before_those_of_the_simulation(tmp_path: Path) -> None:

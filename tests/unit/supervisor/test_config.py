@@ -8,6 +8,7 @@ import pytest
 
 from supervisor.config import SupervisorSection, is_base_known
 from supervisor.law.lidar import PROFILES, TIMINGS
+from supervisor.law.scan import Mount
 from wire.host.config import TAKEN_NAMES, ConfigError, section
 
 
@@ -51,6 +52,19 @@ def test_a_lidars_own_timeout_is_longer_than_a_tick() -> None:
 @pytest.mark.parametrize("latency_s", [-0.001, 0.501, math.nan, math.inf])
 def test_a_latency_is_a_time_that_a_lidar_may_have(latency_s: float) -> None:
     assert "supervisor.lidar.latency_s" in refusal(scan_timeout_s=1.0, lidar={"latency_s": latency_s})
+
+
+def test_a_lidar_may_be_mounted_upside_down() -> None:
+    assert load(lidar={"flip": True, "yaw_rad": 0.5}).law().lidars[0].mount == Mount(yaw_rad=0.5, flip=True)
+    assert not load().law().lidars[0].mount.flip
+    assert "supervisor.lidar.flip" in refusal(lidar={"flip": 1})
+
+
+def test_the_open_has_a_speed_of_its_own() -> None:
+    assert load(open_m_s=0.3).law().open_m_s == 0.3
+    assert load().law().open_m_s == 0.5
+    for open_m_s in (0.0, 0.049, 1.01, math.nan, math.inf):
+        assert "supervisor.open_m_s" in refusal(open_m_s=open_m_s)
 
 
 def test_a_scan_is_not_too_old_when_it_arrives() -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from teleop.screen.top_view import clearance_m, draw_top_view, scale_of
+from teleop.screen.top_view import clearance_m, draw_top_view, robot_of, scale_of
 from teleop.screen.view import Line, Robot, Tone
 from tests.unit.teleop.views import room, scan_of, text
 from wire.messages import LaserScan
@@ -110,6 +110,16 @@ def test_the_lidars_mount_counts() -> None:
     down, right = point_of(one_beam(0.0, 1.2), turned)
     assert abs((2 * ROWS - 0.5 - down) * dot_m - 0.2) <= dot_m
     assert abs((COLUMNS - 0.5 - right) * dot_m - 1.2) <= dot_m
+
+
+def test_the_scan_of_a_lidar_upside_down_is_mirrored() -> None:
+    turned = Robot(lidar_yaw_rad=math.pi / 2, lidar_flip=True)
+    dot_m = scale_of(turned, COLUMNS, ROWS).dot_m
+    down, right = point_of(one_beam(math.pi / 6, 1.2), turned)
+    assert abs((2 * ROWS - 0.5 - down) * dot_m - 0.6) <= dot_m
+    assert abs((COLUMNS - 0.5 - right) * dot_m - 1.2 * math.cos(math.pi / 6)) <= dot_m
+    assert robot_of({"supervisor": {"lidar": {"flip": True}}}).lidar_flip
+    assert not robot_of({"supervisor": {"lidar": {"flip": "no"}}}).lidar_flip
 
 
 @pytest.mark.parametrize(
