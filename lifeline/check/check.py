@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 from rich.console import Console
 from rich.text import Text
 
@@ -17,7 +18,9 @@ from lifeline.command import print_json
 from ros2.config import Ros2Section, RosSourceSection
 from sim.config import SimSection
 from supervisor.config import FULL_TURN_SLACK_RAD, NamedLidarSection, SupervisorSection
+from supervisor.law.clearance import Barrier, Circle, Floats, permitted_closing_speed
 from supervisor.law.decision import Decision
+from supervisor.law.seen_space import hiding_distance_m
 from wire import topics
 from wire.host.config import BusSection, ConfigError, read_toml
 from wire.text import printable
@@ -56,12 +59,25 @@ class Stopping(NamedTuple):
         return self.reaction_m + self.braking_m + self.keep_m
 
 
+class Hiding(NamedTuple):
+    """What the gaps between a lidar's beams hide, and the closing speed that this permits."""
+
+    lidar: str
+    from_m: float
+    """Distance from the lidar at which the smallest obstacle fits between two beams."""
+    permits_m_s: float
+    """Highest speed toward such a place ahead, by the barrier; at most the robot's own."""
+
+
 class Report(NamedTuple):
     """The result of `lifeline check`."""
 
     config: SupervisorSection
     lidars: tuple[View, ...]
     stopping: Stopping
+    passage_m: float
+    """Width of the narrowest straight passage: that of the hull, and the stop distance at both sides."""
+    hiding: tuple[Hiding, ...]
     motions: tuple[Permitted, ...]
     risks: tuple[Risk, ...]
     ros2: tuple[RosTopicUse, ...] = ()
@@ -94,11 +110,15 @@ def examine(file: Path) -> Report:
         raise DeployError(str(error)) from error
     config, sim = sections[SupervisorSection], sections.get(SimSection)
     views = tuple(_view(lidar, sim) for lidar in config.all_lidars())
-    ros2 = sections.get(Ros2Section)
+    ros2, way = sections.get(Ros2Section), stopping(config, views)
     return Report(
         config,
         views,
-        stopping(config, views),
+        way,
+        passage_m(config),
+        tuple(
+            hiding(config, lidar, view, way) for lidar, view in zip(config.all_lidars(), views, strict=True)
+        ),
         tuple(permitted_motions(config, views)),
         tuple(risks(config, sim, sections[BusSection], ros2)),
         () if ros2 is None else tuple(topics_of(ros2, config)),
@@ -138,6 +158,26 @@ def stopping(config: SupervisorSection, views: tuple[View, ...]) -> Stopping:
     reaction_s = scans_s + config.law().late_s
     braking_m = speed_m_s**2 / (2.0 * config.deceleration_m_s2)
     return Stopping(speed_m_s, reaction_s, speed_m_s * reaction_s, braking_m, config.stop_distance_m)
+
+
+def passage_m(config: SupervisorSection) -> float:
+    """Return the width [m] of the narrowest straight passage: the barrier keeps the stop distance at both sides."""
+    hull = config.footprint.hull()
+    if isinstance(hull, Circle):
+        return 2.0 * (hull.radius_m + config.stop_distance_m)
+    lateral = [y_m for _, y_m in hull.corners]
+    return max(lateral) - min(lateral) + 2.0 * config.stop_distance_m
+
+
+def hiding(config: SupervisorSection, lidar: NamedLidarSection, view: View, way: Stopping) -> Hiding:
+    """Return where the smallest obstacle may hide between two beams of a lidar, and the speed toward it."""
+    gap_rad = np.array([view.angle_increment])
+    (from_m,) = hiding_distance_m(gap_rad, config.smallest_obstacle_m).tolist()
+    ahead: Floats = np.array(((1.0,), (0.0,)))
+    leaves_m = config.footprint.hull().crossing(lidar.x_m, lidar.y_m, ahead).leaves_m.item()
+    barrier = Barrier(config.stop_distance_m, config.deceleration_m_s2, way.reaction_s, 0.0)
+    permitted_m_s = permitted_closing_speed(np.array([from_m - leaves_m]), barrier).item()
+    return Hiding(lidar.name, from_m, min(config.max_linear_m_s, permitted_m_s))
 
 
 def topics_of(ros2: Ros2Section, config: SupervisorSection) -> Iterator[RosTopicUse]:
@@ -187,6 +227,8 @@ def to_json(report: Report) -> dict[str, Any]:
             for lidar, view in zip(report.config.all_lidars(), report.lidars, strict=True)
         ],
         "stopping": report.stopping._asdict() | {"total_m": report.stopping.total_m},
+        "passage_m": report.passage_m,
+        "hiding": [hides._asdict() for hides in report.hiding],
         "motions": [
             {
                 "motion": permitted.motion.name,
@@ -232,6 +274,7 @@ def _print(console: Console, file: Path, report: Report) -> None:
         ),
         soft_wrap=True,
     )
+    console.print(Text("\n".join(_limits(report)) + "\n"), soft_wrap=True)
     console.print(_motion_table(report.motions))
     required = [station.name for station in report.config.estop_stations or () if station.required]
     if required:
@@ -242,6 +285,20 @@ def _print(console: Console, file: Path, report: Report) -> None:
         console.print("The configuration is valid. The exit code is 1 because of these risks.")
     else:
         console.print(Text("No setting creates a risk that the defaults do not have.", style="green"))
+
+
+def _limits(report: Report) -> Iterator[str]:
+    """Yield sentences about the narrowest passage, and about each lidar whose beams are too coarse for the top speed."""
+    yield (
+        f"The narrowest straight passage is {report.passage_m:.2f} m wide: the hull, and {report.stopping.keep_m:g} m at both sides."
+    )
+    for lidar, view, hides in zip(report.config.all_lidars(), report.lidars, report.hiding, strict=True):
+        if hides.permits_m_s < report.stopping.speed_m_s:
+            gap = f"{view.beams} beams with {math.degrees(view.angle_increment):.2g}° between them"
+            yield (
+                f"{lidar.name}: between {gap}, an obstacle of {report.config.smallest_obstacle_m:g} m may hide from {hides.from_m:.2f} m "
+                f"on. Toward such a place ahead, at most {hides.permits_m_s:.2f} m/s are permitted."
+            )
 
 
 def _lidar_table(report: Report) -> Table:

@@ -59,6 +59,7 @@ def detail_of(
     is_too_fast: bool = False,
     scan_problem: str = "",
     block_bearing_rad: float = math.nan,
+    advice: str = "",
     writers: tuple[str, ...] = (),
     mismatch: str = "",
     stations: str = "",
@@ -73,6 +74,7 @@ def detail_of(
         is_too_fast: whether the age of the command limits its speed even while it is new.
         scan_problem: why the newest scan proves nothing.
         block_bearing_rad: bearing of the blocking point in the base frame; NaN if there is none.
+        advice: what may explain this point that the surroundings do not; empty if nothing.
         writers: for each sensor with several active writers, its name and theirs.
         mismatch: what motion shows instead of the configuration.
         stations: which e-stop stations are pressed or missing.
@@ -87,7 +89,7 @@ def detail_of(
         return f"open_m_s permits {open_m_s:g} m/s while a lidar is silent"
     if not causes and limit is not None:
         return "blind_budget_m permits less than this speed" if is_too_fast else "the next command is late"
-    where = bearing_in_words(block_bearing_rad)
+    where, but = bearing_in_words(block_bearing_rad), f"; {advice}" if advice else ""
     match min(causes, key=SEVERITY.__getitem__, default=None):
         case StopReason.ESTOP | StopReason.ESTOP_STATION_LOST:
             return stations
@@ -98,9 +100,9 @@ def detail_of(
         case StopReason.SCAN_INVALID:
             return scan_problem
         case StopReason.SCAN_BLIND if where:
-            return f"unseen space {where}"
+            return f"unseen space {where}{but}"
         case StopReason.OBSTACLE if where:
-            return f"something is too close {where}"
+            return f"something is too close {where}{but}"
         case _:
             return ""
 

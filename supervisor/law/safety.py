@@ -177,7 +177,8 @@ def _decide(
         limit = Limit.BASE_WEAK
     base = bases.commanded(base, output, now_s)
     state = State(config, interlock, base, sight, state.clock._replace(now_s=now_s))
-    return state, _explain(state, now_s, reasons, causes, block, limit, commanded, scale, reply)
+    advice = "" if block is None else sights.advice(config, usable, block)
+    return state, _explain(state, now_s, reasons, causes, block, advice, limit, commanded, scale, reply)
 
 
 def _passes(
@@ -210,6 +211,7 @@ def _explain(
     reasons: Reasons,
     causes: Reasons,
     block: Block | None,
+    advice: str,
     limit: Limit | None,
     commanded: Velocity,
     scale: float,
@@ -250,6 +252,7 @@ def _explain(
             is_too_fast=limit is Limit.COMMAND_AGE and renewed(0.0, commanded, config) < 1.0,
             scan_problem=scan_problem,
             block_bearing_rad=math.nan if block is None else math.atan2(block.y_m, block.x_m),
+            advice=advice,
             writers=_conflicts(state, now_s) if StopReason.SENSOR_CONFLICT in causes else (),
             mismatch=sights.mismatches(sight, config),
             stations=detail_of_stations(interlock.stations),

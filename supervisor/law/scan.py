@@ -53,6 +53,8 @@ LEAST_M = 1e-6
 ANGLE_SLACK_BEAMS = 2.0
 """Accepted error of `angle_max`, in beams: drivers report the angle of the last beam, of the beam after it, or round."""
 
+JOIN = "if the driver sends a turn in segments, join them"
+
 Ranges = npt.NDArray[np.float32]
 
 
@@ -176,6 +178,8 @@ class ScanReading(NamedTuple):
     """Whether this lidar has had any return since the start."""
     is_assumed: bool = False
     """Whether silence counts as free only because the robot works in the open: its beams have not had a return lately."""
+    missing_beams: int = 0
+    """How many beams fewer than the previous scan it has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,9 +244,11 @@ def read_scan(
     """
     problem = _contradiction(scan, lidar.min_beams)
     before = None if previous is None else previous.view
+    geometry = Geometry.of(scan, lidar.mount)
+    if problem is None and before is not None and _looks_elsewhere(before.geometry, geometry):
+        problem = f"its beams look elsewhere than those before: {JOIN}"
     if problem is not None:
         return _invalid_reading(previous, scan, moment, problem, hull)
-    geometry = Geometry.of(scan, lidar.mount)
     rays = rays_of(geometry, lidar.mount, hull)
     readings = explain(scan.ranges, scan.range_min, scan.range_max, lidar.profile)
     # No object can be inside the hull: a return inside it is moved outward along its beam to the outline.
@@ -289,10 +295,8 @@ def read_scan(
         since_m,
         share,
         has_returned,
-        is_open
-        and not (
-            has_returned and bool(_heard(view.returned_s, view.returned_m, moment, lidar.profile).all())
-        ),
+        is_open and not (has_returned and _is_heard(view, moment, lidar.profile)),
+        0 if before is None else max(0, before.geometry.beams - geometry.beams),
     )
 
 
@@ -427,6 +431,11 @@ def _heard(returned_s: Floats, returned_m: Floats, moment: Moment, profile: Lida
     )
 
 
+def _is_heard(view: View, moment: Moment, profile: LidarProfile) -> bool:
+    """Return whether every beam had a return lately."""
+    return bool(_heard(view.returned_s, view.returned_m, moment, profile).all())
+
+
 def _lost(
     before: View,
     hit: Mask,
@@ -514,17 +523,35 @@ def _contradiction(scan: LaserScan, min_beams: int) -> str | None:
     """Return why the scan's numbers contradict each other or the configuration; None if they do not."""
     beams, increment = len(scan.ranges), scan.angle_increment
     if beams < min_beams:
-        return f"{beams} beams, fewer than {min_beams}"
+        return f"{beams} beams, fewer than {min_beams}" + (f": {JOIN}" if beams else "")
     if not all(map(math.isfinite, (scan.angle_min, increment, scan.range_min, scan.range_max))):
         return "geometry that is not finite"
     if abs(increment) < LEAST_INCREMENT_RAD or abs(increment) * (beams - 1) > 2 * math.pi + 1e-3:
         return f"{beams} beams of {increment:g} rad span more than a full turn, or no angle"
     last = scan.angle_min + increment * (beams - 1)
     if scan.angle_max is not None and not abs(scan.angle_max - last) <= ANGLE_SLACK_BEAMS * abs(increment):
-        return f"{beams} beams of {increment:g} rad end at {last:g} rad, not at {scan.angle_max:g}"
+        differs = f"{beams} beams of {increment:g} rad end at {last:g} rad, not at {scan.angle_max:g}"
+        return f"{differs}: {_why_not_there(scan, last, scan.angle_max)}"
     if not 0.0 <= scan.range_min < scan.range_max:
         return f"range_min {scan.range_min:g} m and range_max {scan.range_max:g} m contradict each other"
     return None
+
+
+def _why_not_there(scan: LaserScan, last_rad: float, angle_max: float) -> str:
+    """Return what may be wrong with a scan whose last beam is not at the angle that the sender reports."""
+    if scan.angle_increment * (angle_max - scan.angle_min) < 0.0:
+        return "the sign of angle_increment is wrong"
+    beams = round((angle_max - last_rad) / scan.angle_increment)
+    return f"{abs(beams)} beams are {'missing' if beams > 0 else 'too many'}"
+
+
+def _looks_elsewhere(before: Geometry, geometry: Geometry) -> bool:
+    """Return whether the middle of a scan of less than half a turn has moved by more than half its width."""
+    width_rad = abs(geometry.increment) * (geometry.beams - 1)
+    if width_rad >= math.pi:
+        return False
+    was_rad, is_rad = (g.angle_min + g.increment * (g.beams - 1) / 2.0 for g in (before, geometry))
+    return abs(math.remainder(is_rad - was_rad, 2 * math.pi)) > width_rad / 2.0
 
 
 @lru_cache(maxsize=16)

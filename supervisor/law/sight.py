@@ -15,6 +15,7 @@ from supervisor.law.base import Base
 from supervisor.law.clearance import NO_POINTS, Block, Floats, Kind, moved, nothing_around, survey
 from supervisor.law.model import Counts, LawConfig
 from supervisor.law.near_memory import Remembered, remember
+from supervisor.law.own_parts import own_sector
 from supervisor.law.own_way import Stand, own_way, went
 from supervisor.law.reach import Place
 from supervisor.law.reckoning import Odometer, Pose, back_then, between
@@ -290,6 +291,22 @@ def sensors(sight: Sight, config: LawConfig) -> Iterator[Sensor]:
     """Yield each lidar as a sensor with its writers."""
     for lidar, state in zip(config.lidars, sight.lidars, strict=True):
         yield Sensor(lidar.name, state.writers, lidar.timeout_s)
+
+
+def advice(config: LawConfig, scans: Usable, block: Block) -> str:
+    """Return what may explain a blocking point that the surroundings do not; empty if nothing."""
+    named = [(config.lidars[place], scan, scan.view) for place, scan in scans]
+    if block.kind is Kind.HIDDEN:
+        fewer = [
+            f"{scan.missing_beams} beams fewer than before" for _, scan, _ in named if scan.missing_beams
+        ]
+        return f"the scan has {fewer[0]}" if fewer else ""
+    for lidar, _, view in named:
+        assert view is not None  # a usable scan has one
+        sector = own_sector(view, lidar.mount, config.hull, (block.x_m, block.y_m))
+        if sector is not None:
+            return "if it is part of the robot: masked_rad = [[{:.3f}, {:.3f}]]".format(*sector)
+    return ""
 
 
 def is_confirmed(sight: Sight, block: Block) -> bool:

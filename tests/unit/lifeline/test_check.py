@@ -139,6 +139,55 @@ def test_the_slowest_lidar_decides_how_late_it_reacts(tmp_path: Path) -> None:
     assert found.stopping.reaction_s == pytest.approx(0.33)
 
 
+# --- the narrowest passage, and what the gaps between beams hide
+
+
+@pytest.mark.parametrize(
+    ("hull", "width_m"),
+    [("radius_m = 0.25", 1.1), ("corners_m = [[0.5, -0.2], [0.5, 0.3], [-0.5, 0.3], [-0.5, -0.2]]", 1.1)],
+)
+def test_the_narrowest_passage_has_the_stop_distance_at_both_sides(
+    tmp_path: Path, hull: str, width_m: float
+) -> None:
+    assert report(tmp_path, f"[supervisor.footprint]\n{hull}\n[sim]\n").passage_m == pytest.approx(width_m)
+    near = report(tmp_path, f"[supervisor]\nstop_distance_m = 0.2\n[supervisor.footprint]\n{hull}\n[sim]\n")
+    assert near.passage_m == pytest.approx(width_m - 0.2)
+
+
+def test_few_beams_hide_the_smallest_obstacle_from_near_on(tmp_path: Path) -> None:
+    text = "[supervisor.lidar]\nbeams = 180\nx_m = 0.1\n"
+    (hides,) = report(tmp_path, text).hiding
+    half_rad = math.pi / 180
+    assert hides.from_m == pytest.approx(0.02 * (1.0 / math.sin(half_rad) - 1.0))
+    margin_m, lost_m_s = hides.from_m + 0.1 - 0.25 - 0.30, 1.5 * report(tmp_path, text).stopping.reaction_s
+    assert hides.permits_m_s == pytest.approx(math.sqrt(lost_m_s**2 + 3.0 * margin_m) - lost_m_s)
+    permitted = motion(report(tmp_path, text), "ahead").at_rest.output.linear_m_s
+    assert hides.permits_m_s == pytest.approx(permitted, rel=0.25)
+
+
+def test_enough_beams_permit_the_top_speed(tmp_path: Path) -> None:
+    (hides,) = report(tmp_path, "[sim]\n").hiding
+    assert hides.permits_m_s == 1.0
+
+
+def test_what_beams_and_hull_permit_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text("[supervisor.lidar]\nbeams = 90\n[sim]\n")
+    check(path)
+    output = capsys.readouterr().out
+    assert "The narrowest straight passage is 1.10 m wide: the hull, and 0.3 m at both sides." in output
+    assert (
+        "lidar: between 90 beams with 4° between them, an obstacle of 0.04 m may hide from 0.55 m on."
+        in output
+    )
+    path.write_text("[sim]\n")
+    check(path)
+    assert "may hide" not in capsys.readouterr().out
+    check(path, as_json=True)
+    document = json.loads(capsys.readouterr().out)
+    assert (document["passage_m"], document["hiding"][0]["lidar"]) == (1.1, "lidar")
+
+
 # --- the view of a lidar
 
 

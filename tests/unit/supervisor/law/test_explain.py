@@ -27,6 +27,13 @@ def test_a_cause_is_explained_by_what_is_known_of_it(reason: StopReason, detail:
     assert detail_of(frozenset({reason}), scan_problem="all NaN", block_bearing_rad=LEFT_40) == detail
 
 
+@pytest.mark.parametrize("reason", [StopReason.SCAN_BLIND, StopReason.OBSTACLE])
+def test_advice_follows_what_blocks(reason: StopReason) -> None:
+    detail = detail_of(frozenset({reason}), block_bearing_rad=LEFT_40, advice="turn back")
+    assert detail.endswith("at 40° left; turn back")
+    assert detail_of(frozenset({StopReason.SCAN_STALE}), advice="turn back") == ""
+
+
 NAMING = (StopReason.SENSOR_CONFLICT, StopReason.SENSOR_MISMATCH)
 """Their causes are always known."""
 
@@ -56,6 +63,13 @@ def test_of_several_causes_the_most_restrictive_is_explained() -> None:
     assert detail_of(both, scan_problem="all NaN", block_bearing_rad=0.0) == "all NaN"
     both = frozenset({StopReason.ESTOP, StopReason.SCAN_INVALID})
     assert detail_of(both, scan_problem="all NaN") == ""
+
+
+def test_in_the_open_the_speed_is_named() -> None:
+    assert (
+        detail_of(frozenset(), Limit.IN_THE_OPEN, open_m_s=0.25)
+        == "open_m_s permits 0.25 m/s while a lidar is silent"
+    )
 
 
 def test_a_limit_is_explained_only_where_nothing_stops_the_motion() -> None:

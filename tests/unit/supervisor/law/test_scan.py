@@ -176,7 +176,58 @@ def test_geometry_that_contradicts_itself_is_no_scan(changes: dict[str, float], 
 @pytest.mark.parametrize("beams", [0, 89, 90])
 def test_a_scan_has_as_many_beams_as_are_configured_or_is_none(beams: int) -> None:
     reading = read(np.full(beams, 2.0, dtype=np.float32))
-    assert reading.problem == (None if beams == 90 else f"{beams} beams, fewer than 90")
+    join = ": if the driver sends a turn in segments, join them" if beams else ""
+    assert reading.problem == (None if beams == 90 else f"{beams} beams, fewer than 90{join}")
+
+
+def segment(first_deg: float, previous: ScanReading | None, beams: int = 91) -> ScanReading:
+    fields = {"angle_min": math.radians(first_deg)}
+    return read(np.full(beams, 2.0, dtype=np.float32), previous, fields=fields)
+
+
+def test_segments_of_a_turn_are_no_scans() -> None:
+    """A fan of 90 degrees may shift by 45: lidars with an uneven rotation begin anywhere."""
+    before = segment(170.0, None)
+    for first_deg in (125.01, 170.0, 214.99 - 360.0):
+        assert segment(first_deg, before).problem is None
+    for first_deg in (124.99, 215.01 - 360.0, 0.0):
+        problem = segment(first_deg, before).problem
+        assert problem is not None
+        assert "join them" in problem
+    assert segment(170.0, segment(0.0, before)).problem is None
+
+
+def test_a_fan_of_half_a_turn_is_no_segment() -> None:
+    assert segment(100.0, segment(0.0, None, 180), 180).problem is not None
+    assert segment(100.0, segment(0.0, None, 182), 182).problem is None
+
+
+def test_a_scan_says_how_many_beams_it_lacks() -> None:
+    whole = read(full())
+    assert whole.missing_beams == 0
+    short = read(full()[:343], whole)
+    assert (short.problem, short.missing_beams) == (None, 17)
+    assert read(full()[:343], short).missing_beams == 0
+    assert read(full(), short).missing_beams == 0
+
+
+@pytest.mark.parametrize(
+    ("fields", "why"),
+    [
+        ({"angle_max": math.radians(197)}, "18 beams are missing"),
+        ({"angle_max": math.radians(162)}, "17 beams are too many"),
+        (
+            {"angle_min": math.pi, "angle_increment": -BEAM_RAD, "angle_max": math.radians(-197)},
+            "18 beams are missing",
+        ),
+        ({"angle_increment": -BEAM_RAD, "angle_max": math.pi}, "the sign of angle_increment is wrong"),
+        ({"angle_min": math.pi, "angle_max": -math.pi}, "the sign of angle_increment is wrong"),
+    ],
+)
+def test_a_last_angle_that_does_not_fit_is_explained(fields: dict[str, float], why: str) -> None:
+    problem = read(full(), fields=fields).problem
+    assert problem is not None
+    assert problem.endswith(f": {why}")
 
 
 def test_a_scan_that_is_none_leaves_what_the_one_before_proved() -> None:
