@@ -16,10 +16,10 @@ from supervisor.law.base_braking import (
     bound_m_s2,
     measure,
 )
-from supervisor.law.base_motion import FOLLOWING, Following, follow, moves
+from supervisor.law.base_motion import FOLLOWING, PATIENCE_S, Following, follow, moves
 from supervisor.law.base_rolling import Rest, watch
 from supervisor.law.model import Inputs, LawConfig, Odometry
-from supervisor.law.reckoning import STANDSTILL, Odometer, Velocity, reckon, remembered, valid_at
+from supervisor.law.reckoning import STANDSTILL, Odometer, Velocity, reckon, remembered
 from supervisor.law.writers import Sensor, Writer, heard
 from wire.reasons import StopReason
 
@@ -39,13 +39,15 @@ class Base(NamedTuple):
     way_m: float = 0.0
     """Upper bound of the distance that any point of the hull has moved, measured or commanded."""
     proven_way_m: float = 0.0
-    """The same distance as odometry shows it; without odometry, as commanded, a dead time later."""
+    """The same distance without what was commanded so recently that the base need not have followed."""
     following: Following = FOLLOWING
     braking: Braking = UNMEASURED
     output: Velocity = STANDSTILL
     """What it was last commanded."""
     stopped_s: float | None = None
     """Since when zero has been commanded; None while driving."""
+    moving_s: float | None = None
+    """Since when motion has been commanded without a pause; None while zero is commanded."""
     rest: Rest | None = None
     """Where it stands; None while it is commanded to move, or may still be braking."""
     runaway: bool = False
@@ -124,12 +126,12 @@ def observe(base: Base, config: LawConfig, now_s: float, before_s: float | None,
     measured_m_s = 0.0 if is_still else config.hull_speed_m_s(odometer.velocity)
     odometers = base.odometers
     if odometer is not base.odometer:
-        since_s = now_s - config.longest_timeout_s - config.base_dead_time_s
-        odometers = remembered(odometers, base.odometer, since_s)
-    proven_m_s = measured_m_s
-    if odometry is None:  # the base does not follow a command before its dead time
-        followed = valid_at(odometers, odometer, now_s - config.base_dead_time_s)
-        proven_m_s = config.hull_speed_m_s(followed.velocity)
+        odometers = remembered(odometers, base.odometer, now_s - config.longest_timeout_s)
+    commanded_m_s = config.hull_speed_m_s(base.output)
+    proven_m_s = 0.0 if odometry is None else measured_m_s
+    follows_after_s = config.base_dead_time_s if odometry is None else PATIENCE_S
+    if base.moving_s is not None and now_s - base.moving_s > follows_after_s:
+        proven_m_s = max(proven_m_s, commanded_m_s)
     writers = base.writers
     if config.odometry:
         for gid in inputs.odometry_writers:
@@ -142,7 +144,7 @@ def observe(base: Base, config: LawConfig, now_s: float, before_s: float | None,
         writers=writers,
         odometer=odometer,
         odometers=odometers,
-        way_m=base.way_m + dt_s * max(measured_m_s, config.hull_speed_m_s(base.output)),
+        way_m=base.way_m + dt_s * max(measured_m_s, commanded_m_s),
         proven_way_m=base.proven_way_m + dt_s * proven_m_s,
         following=follow(
             base.following,
@@ -200,5 +202,8 @@ def fastest_m_s(base: Base, config: LawConfig, commanded: Velocity) -> float:
 
 def commanded(base: Base, output: Velocity, now_s: float) -> Base:
     """Return the state after a decision."""
-    since_s = now_s if base.stopped_s is None else base.stopped_s
-    return base._replace(output=output, stopped_s=since_s if output == STANDSTILL else None)
+    stopped_s = now_s if base.stopped_s is None else base.stopped_s
+    moving_s = now_s if base.moving_s is None else base.moving_s
+    if output == STANDSTILL:
+        return base._replace(output=output, stopped_s=stopped_s, moving_s=None)
+    return base._replace(output=output, stopped_s=None, moving_s=moving_s)

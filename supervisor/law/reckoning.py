@@ -74,14 +74,9 @@ def back_then(earlier: tuple[Odometer, ...], odometer: Odometer, then_s: float) 
 
     For times before the first remembered odometer, that odometer's pose is returned.
     """
-    return where(valid_at(earlier, odometer, then_s), then_s)
-
-
-def valid_at(earlier: tuple[Odometer, ...], odometer: Odometer, then_s: float) -> Odometer:
-    """Return the newest odometer that is not after `then_s`; the first remembered one if all are after it."""
     if odometer.at_s <= then_s or not earlier:
-        return odometer
-    return next((one for one in reversed(earlier) if one.at_s <= then_s), earlier[0])
+        return where(odometer, then_s)
+    return where(next((one for one in reversed(earlier) if one.at_s <= then_s), earlier[0]), then_s)
 
 
 def displacement(odometer: Odometer, then: Pose, now_s: float) -> Pose | None:

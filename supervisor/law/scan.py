@@ -193,7 +193,7 @@ class Moment:
     travelled_m: float
     """Upper bound of the distance that any point of the hull has moved since the start, measured or commanded."""
     proven_m: float
-    """The same distance as odometry shows it; the base does not follow each command at once."""
+    """The same distance without what was commanded so recently that the base need not have followed."""
 
 
 @dataclass(frozen=True, slots=True)

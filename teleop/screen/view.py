@@ -89,10 +89,10 @@ class Robot:
     lidar_x_m: float = 0.0
     lidar_y_m: float = 0.0
     lidar_yaw_rad: float = 0.0
-    lidar_flip: bool = False
-    """Whether it is mounted upside down."""
     stop_distance_m: float = 0.30
     warning_distance_m: float = 0.50
+    lidar_flip: bool = False
+    """Whether the lidar is mounted upside down."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -155,9 +155,9 @@ def test_the_narrowest_passage_has_the_stop_distance_at_both_sides(
 
 
 def test_few_beams_hide_the_smallest_obstacle_from_near_on(tmp_path: Path) -> None:
-    text = "[supervisor.lidar]\nbeams = 180\nx_m = 0.1\n"
+    text = "[supervisor.lidar]\nbeams = 120\nx_m = 0.1\n"
     (hides,) = report(tmp_path, text).hiding
-    half_rad = math.pi / 180
+    half_rad = math.pi / 120
     assert hides.from_m == pytest.approx(0.02 * (1.0 / math.sin(half_rad) - 1.0))
     margin_m, lost_m_s = hides.from_m + 0.1 - 0.25 - 0.30, 1.5 * report(tmp_path, text).stopping.reaction_s
     assert hides.permits_m_s == pytest.approx(math.sqrt(lost_m_s**2 + 3.0 * margin_m) - lost_m_s)

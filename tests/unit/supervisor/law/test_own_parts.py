@@ -84,6 +84,21 @@ def test_what_is_wide_is_no_post() -> None:
     assert sector_deg(np.full(BEAMS, 0.25), place_of(205)) is None
 
 
+def test_each_limit_itself_counts() -> None:
+    """In numbers that no difference rounds."""
+    ahead = BEAMS // 2
+    readings = np.full(BEAMS, 3.0)
+    readings[ahead] = 2 * AT_HULL_M
+    view = view_of(readings)
+    assert own_sector(view, Mount(), Circle(AT_HULL_M), (2 * AT_HULL_M, 0.0)) is None
+    assert own_sector(view, Mount(), Circle(2 * AT_HULL_M), (2 * AT_HULL_M + SAME_PLACE_M, 0.0)) is not None
+    coarse = Geometry(144, -math.pi, WIDEST_RAD / 8)
+    readings = np.full(144, 3.0)
+    readings[40:48] = 0.25
+    x_m, y_m = rays_of(coarse, Mount(), HULL).points(np.array([40]), readings)[0].tolist()
+    assert own_sector(view_of(readings, coarse), Mount(), HULL, (x_m, y_m)) is not None
+
+
 def test_silence_is_no_part_of_the_robot() -> None:
     assert sector_deg(with_post(math.nan), place_of(212)) is None
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from supervisor.law.base_motion import PATIENCE_S
 from supervisor.law.model import Inputs, LawConfig, Odometry
 from supervisor.law.reckoning import STANDSTILL, Pose, Velocity
 from supervisor.law.scan import FROZEN_TRAVEL_M
@@ -27,13 +28,25 @@ SLUGGISH = replace(CONFIG, base_dead_time_s=DEAD_S)
 BLIND_BASE = replace(SLUGGISH, odometry=False)
 
 
-def test_a_commanded_base_that_stands_by_odometry_has_proven_no_way() -> None:
+def test_a_commanded_base_that_stands_by_odometry_has_proven_no_way_for_half_a_second() -> None:
     law = Law(SLUGGISH)
     for _ in range(20):
         law.tick(("teleop", NEUTRAL), odometry=Odometry(STANDSTILL, law.now_s + TICK_S))
-    for _ in range(10):
+    for number in range(30):
         law.tick(("teleop", FORWARD), odometry=Odometry(STANDSTILL, law.now_s + TICK_S))
-    assert law.state.base.way_m == pytest.approx(9 * TICK_S * law.decision.output.linear_m_s)
+        followed_s = max(0.0, number * TICK_S - PATIENCE_S)
+        assert law.decision.output == FORWARD
+        assert law.state.base.way_m == pytest.approx(number * TICK_S * 0.5)
+        assert followed_s - 1e-9 <= law.state.base.proven_way_m / 0.5 < followed_s + PATIENCE_S + TICK_S
+        assert (law.state.base.proven_way_m > 0.0) is (number > round(PATIENCE_S / TICK_S))
+
+
+def test_the_patience_begins_again_with_each_command_after_a_stop() -> None:
+    law = Law(SLUGGISH)
+    for number in range(200):
+        asked = NEUTRAL if number % 25 == 0 else FORWARD
+        law.tick(("teleop", asked), odometry=Odometry(STANDSTILL, law.now_s + TICK_S))
+    assert law.state.base.way_m > 1.0
     assert law.state.base.proven_way_m == 0.0
 
 
@@ -51,10 +64,8 @@ def test_without_odometry_a_command_proves_a_way_a_dead_time_later(dead_s: float
     law.hold(0.1, ("teleop", NEUTRAL))
     for number in range(50):
         law.tick(("teleop", FORWARD))
-        followed_s = max(0.0, number * TICK_S - dead_s)
-        assert followed_s - 1.01 * TICK_S < law.state.base.proven_way_m / 0.5 < followed_s + 1e-9
-    law.hold(0.6, ("teleop", NEUTRAL))
-    assert law.state.base.proven_way_m == pytest.approx(law.state.base.way_m)
+        late_s = law.state.base.way_m / 0.5 - law.state.base.proven_way_m / 0.5
+        assert late_s == pytest.approx(min(number * TICK_S, dead_s), abs=TICK_S + 1e-9)
 
 
 def drive_at_the_wall(
@@ -93,6 +104,20 @@ def test_a_frozen_lidar_stops_the_robot_after_two_centimetres(*, odometry: bool)
     law = drive_at_the_wall(SLUGGISH if odometry else BLIND_BASE, odometry=odometry, freezes=True)
     assert law.decision.reasons == (StopReason.SCAN_INVALID,)
     assert FROZEN_TRAVEL_M < law.state.base.proven_way_m < FROZEN_TRAVEL_M + 2 * TICK_S * 0.5
+
+
+def test_a_frozen_lidar_stops_the_robot_although_odometry_is_stuck_at_zero() -> None:
+    """Commands count once a base must have followed them: the base moves, and neither sensor shows it."""
+    law = Law(SLUGGISH, scanning=False)
+    for tick in range(100):
+        asked = NEUTRAL if tick < 10 else FORWARD
+        law.now_s += TICK_S
+        command, still = on_time("teleop", asked, law.now_s), Odometry(STANDSTILL, law.now_s)
+        law.step(Inputs((command,), scans=(laser_scan(ring(), law.now_s),), odometry=still))
+        if tick >= 10 and law.decision.reasons:
+            break
+    assert law.decision.reasons == (StopReason.SCAN_INVALID,)
+    assert law.state.base.way_m < 0.5 * (PATIENCE_S + 6 * TICK_S)
 
 
 def test_a_lidar_that_is_frozen_at_rest_proves_no_way_by_the_noise_of_odometry() -> None:
