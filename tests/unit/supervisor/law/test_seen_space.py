@@ -20,9 +20,17 @@ from supervisor.law.clearance import (
     permitted_scale,
     survey,
 )
+from supervisor.law.own_way import OwnWay
 from supervisor.law.reckoning import Pose
 from supervisor.law.scan import Geometry, Mount, Rays, View, rays_of
-from supervisor.law.seen_space import Lookout, hidden_places, hiding_distance_m, lookout
+from supervisor.law.seen_space import (
+    SEEN_MARGIN_M,
+    Evidence,
+    Lookout,
+    hidden_places,
+    hiding_distance_m,
+    lookout,
+)
 from tests.unit.supervisor.law.views import BEAM_RAD, BEAMS, gap_to_rays_m, view_of
 
 SMALLEST_M = 0.04
@@ -46,7 +54,7 @@ def with_hole(beams: int, around: int = AHEAD, distance_m: float = 3.0) -> Float
 
 def hidden(
     view: View,
-    *others: Lookout,
+    *others: Evidence,
     hull: Hull = HULL,
     mount: Mount | None = None,
     reach_m: float = 1.5,
@@ -247,6 +255,28 @@ def test_a_hole_is_followed_outward_to_the_last_point_that_another_lidar_sees_fr
     assert len(places) == 11
     assert (away_m(places) > 0.6).all()
     assert (away_m(places) < 0.8 - 0.02).all(), "nearer than the other one's returns"
+
+
+def test_a_hole_is_followed_to_within_a_quarter_of_the_last_step() -> None:
+    """Steps end 0.48 and 0.6 m behind the hull: the returns of the other one are between them."""
+    places = away_m(hidden(view_of(with_hole(11)), other(room(1.0), x_m=-0.2)))
+    ahead_m = places.max()
+    assert ahead_m == pytest.approx(0.25 + 0.48 + 0.03, abs=1e-6)
+    assert ahead_m < 0.8 - SEEN_MARGIN_M < ahead_m + 0.03
+
+
+def test_a_place_that_nothing_proves_free_stays_where_it_is() -> None:
+    """Also if points behind it are seen free."""
+    far = lookout(view_of(np.full(181, 3.0), Geometry(181, -math.pi / 2, BEAM_RAD)), Mount(0.4), HERE, HERE)
+    assert away_m(hidden(view_of(with_hole(11)), far)) == pytest.approx(0.25)
+
+
+def test_the_hull_s_own_way_is_free_beyond_a_gap_of_the_other_views() -> None:
+    """The other lidar sees the space beyond the hull's own way, and the way begins at the hull."""
+    far = lookout(view_of(np.full(181, 3.0), Geometry(181, -math.pi / 2, BEAM_RAD)), Mount(0.4), HERE, HERE)
+    way = OwnWay(HULL, np.array(((0.1, 0.0, 0.0), (0.2, 0.0, 0.0))))
+    assert len(hidden(view_of(with_hole(31)), far, way)) == 0
+    assert away_m(hidden(view_of(with_hole(31)), way)) == pytest.approx(0.44, abs=0.02)
 
 
 def test_another_lidar_with_the_same_hole_changes_nothing() -> None:
