@@ -13,6 +13,7 @@ from supervisor.law.model import Inputs, Odometry
 from supervisor.law.own_way import MOST_STANDS, STEP_M, OwnWay, Stand, own_way, went
 from supervisor.law.reckoning import NEGLIGIBLE, STANDSTILL, Pose, Velocity
 from supervisor.law.scan import LaserScan, Mount
+from supervisor.law.sight import suspended
 from tests.unit.supervisor.law.closed_loop import ANGLES, BEAMS, Base, World, advance
 from tests.unit.supervisor.law.law_harness import CONFIG, FORWARD, NEUTRAL, TICK_S, Law, on_time, with_lidar
 
@@ -108,6 +109,12 @@ def test_without_odometry_no_pose_is_kept() -> None:
         law.tick(("teleop", FORWARD if law.decision.owner else NEUTRAL))
     assert law.state.base.way_m > 0.5
     assert law.state.sight.way == ()
+
+
+def test_a_suspend_of_the_machine_ends_the_own_way() -> None:
+    sight = in_the_hall(5.0).state.sight
+    assert len(sight.way) > 1
+    assert suspended(sight, CONFIG).way == ()
 
 
 def in_the_hall(memory_s: float) -> Law:
