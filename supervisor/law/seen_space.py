@@ -43,7 +43,7 @@ OUTWARD_M: Floats = np.array(
 ALONG_EDGE_M: Floats = np.concatenate((np.arange(0.0, 1.0, 0.04), np.arange(1.0, 20.0, 0.1)))
 """Distances along an edge of a hole at which discs are placed, measured from the first disc that fits."""
 
-BETWEEN_SHARES: Floats = np.array([0.25, 0.5, 0.75, 1.0])
+BETWEEN_SHARES: Floats = np.array([0.25, 0.5, 0.75])
 """Shares of the distance from the last of these points that is free to the first that is not, at which the other views are
 checked again."""
 
@@ -289,28 +289,33 @@ def _behind_evidence(
         the directions (2, k) and distances (k,) of the remaining hidden places.
     """
 
-    def is_free(direction: Floats, along_m: Floats) -> Mask:
-        """Return whether the points at these distances (n, k) [m] along each ray are proven free."""
+    def proven(direction: Floats, along_m: Floats, needed: Mask) -> Mask:
+        """Return which points at these distances (n, k) [m] along each ray are proven free; one that is not needed counts."""
+        (left,) = needed.ravel().nonzero()
         x_m, y_m = mount.x_m + direction[0][:, None] * along_m, mount.y_m + direction[1][:, None] * along_m
-        points = np.stack((x_m.ravel(), y_m.ravel()), axis=1)
-        open_ = np.arange(len(points))
-        free = np.zeros(len(points), dtype=np.bool_)
+        points = np.stack((x_m.ravel(), y_m.ravel()), axis=1)[left]
+        free = np.ones(along_m.size, dtype=np.bool_)
+        free[left] = False
         for one in evidence:
-            free[open_] = one.proves_free(points[open_], smallest_m)
-            open_ = open_[~free[open_]]
+            is_free = one.proves_free(points, smallest_m)
+            free[left[is_free]] = True
+            left, points = left[~is_free], points[~is_free]
         return free.reshape(along_m.shape)
 
     along_m = distance_m[:, None] + OUTWARD_M
-    free = is_free(direction, along_m)
-    free[:, 1:] |= along_m[:, :-1] > far_m
+    needed = np.ones(along_m.shape, dtype=np.bool_)
+    needed[:, 1:] = along_m[:, :-1] <= far_m
+    free = proven(direction, along_m, needed)
     hides = ~free.all(axis=1)
     direction, along_m = direction[:, hides], along_m[hides]
-    rows, first = np.arange(len(along_m)), free[hides].argmin(axis=1)
-    before_m = along_m[rows, np.maximum(first - 1, 0)]
-    between_m = before_m[:, None] + (along_m[rows, first] - before_m)[:, None] * BETWEEN_SHARES
-    further = is_free(direction, between_m)
-    further[:, -1] = False  # the first point that is not free
-    return direction, np.column_stack((before_m, between_m))[rows, further.argmin(axis=1)]
+    first, last_m = free[hides].argmin(axis=1), along_m[:, 0].copy()
+    (moves,) = first.nonzero()
+    before_m, beyond_m = along_m[moves, first[moves] - 1], along_m[moves, first[moves]]
+    between_m = before_m[:, None] + (beyond_m - before_m)[:, None] * BETWEEN_SHARES
+    free = proven(direction[:, moves], between_m, np.ones(between_m.shape, dtype=np.bool_))
+    free = np.column_stack((free, np.zeros(len(moves), dtype=np.bool_)))
+    last_m[moves] = np.column_stack((before_m, between_m))[np.arange(len(moves)), free.argmin(axis=1)]
+    return direction, last_m
 
 
 def lookout(view: View, mount: Mount, pose: Pose, from_pose: Pose) -> Lookout:

@@ -271,7 +271,7 @@ def _evidence(sight: Sight, config: LawConfig, others: Usable, pose: Pose) -> li
     now = [(config.lidars[place].mount, scan.view) for place, scan in others]
     before = [(mounts[p.lidar], p.view) for p in sight.past]
     views = [lookout(view, mount, view.pose, pose) for mount, view in (*now, *before) if view is not None]
-    return [*views, own_way(sight.way, config.hull, pose)] if sight.way else [*views]
+    return [own_way(sight.way, config.hull, pose), *views] if sight.way else [*views]
 
 
 def causes(sight: Sight, config: LawConfig, now_s: float, scans: Usable) -> Iterator[StopReason]:
