@@ -35,6 +35,12 @@ def test_a_pose_is_kept_when_the_hull_has_moved_one_step() -> None:
     assert len(went(way, Pose(1.0, 2.0 * STEP_M, 0.0), 5.1, 0.0, CIRCLE)) == 2
 
 
+def test_each_distance_itself_counts_as_motion() -> None:
+    way = (stand(0.0, 5.0),)
+    assert went(way, Pose(STEP_M, 0.0, 0.0), 5.1, 0.0, CIRCLE) == (*way, stand(STEP_M, 5.1))
+    assert went(way, Pose(NEGLIGIBLE, 0.0, 0.0), 5.1, 0.0, CIRCLE) == way
+
+
 def test_a_turn_moves_the_rim_of_the_hull() -> None:
     way = (stand(0.0, 5.0),)
     step_rad = STEP_M / CIRCLE.radius_m
@@ -93,6 +99,11 @@ def test_the_own_way_is_looked_at_from_where_the_robot_is() -> None:
     )
     assert way.proves_free(inside, 0.04).tolist() == [True, True]
     assert way.proves_free(outside, 0.04).tolist() == [False] * 3
+
+
+def test_the_outline_of_the_hull_is_part_of_it() -> None:
+    outline = 0.25 * np.array(((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)))
+    assert OwnWay(CIRCLE, np.zeros((1, 3))).proves_free(outline, 0.04).all()
 
 
 # --- in the law
