@@ -54,7 +54,7 @@ def _read(ranges: Floats, taken_s: float, before: ScanReading | None) -> ScanRea
     scan = LaserScan(
         ranges.astype(np.float32), -math.pi, 2 * math.pi / BEAMS, 0.05, RANGE_M, arrival_s=taken_s
     )
-    moment = Moment(taken_s, SPARSE.timeout_s, HERE, 0.0)
+    moment = Moment(taken_s, SPARSE.timeout_s, HERE, 0.0, 0.0)
     return read_scan(before, scan, moment, SPARSE, ROUND, REACH_M, in_the_open=False)
 
 
@@ -179,7 +179,9 @@ def permitted_ahead_m_s(hole_rad: float, smallest_m: float) -> float:
     ranges = np.where(np.abs(angle) < hole_rad / 2 - 1e-9, np.nan, 5.0)
     lidar = Lidar("lidar", Mount(), PROFILES["rep117"], timeout_s=0.24)
     scan = LaserScan(ranges.astype(np.float32), float(angle[0]), increment, 0.05, 12.0, arrival_s=0.0)
-    reading = read_scan(None, scan, Moment(0.0, 0.05, HERE, 0.0), lidar, ROUND, REACH_M, in_the_open=False)
+    reading = read_scan(
+        None, scan, Moment(0.0, 0.05, HERE, 0.0, 0.0), lidar, ROUND, REACH_M, in_the_open=False
+    )
     assert reading.view is not None  # most beams see
     hidden = hidden_places(reading.view, lidar.mount, ROUND, smallest_m, REACH_M)
     barrier = Barrier(DEFAULTS.stop_distance_m, DEFAULTS.deceleration_m_s2, 0.1, 0.0)
@@ -256,7 +258,7 @@ def _partial_view(axes: Axes, file: Path, title: str) -> None:
         angle: Floats = lidar.mount.yaw_rad + first + increment * np.arange(section.beams, dtype=np.float64)
         ranges = _to_walls(lidar.mount, angle).astype(np.float32)
         scan = LaserScan(ranges, first, increment, 0.05, 25.0, arrival_s=0.0)
-        moment = Moment(0.0, 0.07, HERE, 0.0)
+        moment = Moment(0.0, 0.07, HERE, 0.0, 0.0)
         reading = read_scan(None, scan, moment, lidar, hull, REACH_M, in_the_open=False)
         assert reading.view is not None  # every beam returns
         views.append(reading.view)

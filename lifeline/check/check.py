@@ -18,7 +18,7 @@ from lifeline.command import print_json
 from ros2.config import Ros2Section, RosSourceSection
 from sim.config import SimSection
 from supervisor.config import FULL_TURN_SLACK_RAD, NamedLidarSection, SupervisorSection
-from supervisor.law.clearance import Barrier, Circle, Floats, permitted_closing_speed
+from supervisor.law.clearance import Barrier, Floats, permitted_closing_speed
 from supervisor.law.decision import Decision
 from supervisor.law.seen_space import hiding_distance_m
 from wire import topics
@@ -162,11 +162,11 @@ def stopping(config: SupervisorSection, views: tuple[View, ...]) -> Stopping:
 
 def passage_m(config: SupervisorSection) -> float:
     """Return the width [m] of the narrowest straight passage: the barrier keeps the stop distance at both sides."""
-    hull = config.footprint.hull()
-    if isinstance(hull, Circle):
-        return 2.0 * (hull.radius_m + config.stop_distance_m)
-    lateral = [y_m for _, y_m in hull.corners]
-    return max(lateral) - min(lateral) + 2.0 * config.stop_distance_m
+    corners_m, keep_m = config.footprint.corners_m, config.stop_distance_m
+    if corners_m is None:
+        return 2.0 * (config.footprint.hull().radius_m + keep_m)
+    sides_m = [y_m for _, y_m in corners_m]
+    return max(sides_m) - min(sides_m) + 2.0 * keep_m
 
 
 def hiding(config: SupervisorSection, lidar: NamedLidarSection, view: View, way: Stopping) -> Hiding:
