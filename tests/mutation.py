@@ -48,10 +48,10 @@ EQUIVALENT = {
     "inside = (depth < 0.0) | (gap <= ON_HULL_M)",
     "entered = clearance <= keep - GRAZE_M - DEEP_TOLERANCE_M_S * horizon_s",
     "scale = 0.0 if present <= PRESENT_SHARE else scale",
-    "bool((np.hypot(s.earlier[:, 0] - block.x_m, s.earlier[:, 1] - block.y_m) <= SAME_PLACE_M).any())",
     "if fit.share > EXPLAINED_SHARE",
     "agrees = view.hit & (error_m < tolerance_m)",
     "return _Fit(agrees, view.hit & (error_m >= 2.0 * tolerance_m), share)",
+    "return np.hypot(points[:, 0] - point[0], points[:, 1] - point[1]) <= distance_m",
     # What is exactly on the hull is at once both.
     "return hidden[config.hull.clearance(hidden) >= 0.0]  # no object can be inside the hull",
     # The words name the writers only while they conflict.

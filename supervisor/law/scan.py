@@ -23,6 +23,7 @@ from supervisor.law.clearance import Floats, Hull, Mask, Surroundings, nothing_a
 from supervisor.law.lidar import LidarProfile, explain
 from supervisor.law.reckoning import Pose, between
 from supervisor.law.silence import FAR_SHARE, MOVER_M_S, vanished
+from supervisor.law.surface import NOTHING, Surfaces, surfaces
 from wire.freshness import Sent
 
 FROZEN_REPEATS = 3
@@ -163,7 +164,7 @@ class ScanReading(NamedTuple):
     view: View | None
     """None before the first valid scan."""
     around: Surroundings
-    """The returns within reach, in the base frame at `taken_s`."""
+    """The returns within reach, in the base frame at `taken_s`, at the distances that count; see surface.py."""
     nearest_m: float
     """Distance from the hull to the nearest return; infinite without returns, NaN if the scan proves nothing."""
     nearest_bearing_rad: float
@@ -176,6 +177,8 @@ class ScanReading(NamedTuple):
     """Share of the beams with a return; if this scan is blank, that of the last scan that was not."""
     has_returned: bool
     """Whether this lidar has had any return since the start."""
+    surfaces: Surfaces = Surfaces()
+    """Noise and means of the readings; see surface.py."""
     is_assumed: bool = False
     """Whether silence counts as free only because the robot works in the open: its beams have not had a return lately."""
     missing_beams: int = 0
@@ -279,7 +282,12 @@ def read_scan(
     elif not (has_returned or in_the_open):
         problem = "no return since the start; set works_in_the_open = true if that is normal here"
     far_m = hull.radius_m + reach_m + math.hypot(lidar.mount.x_m, lidar.mount.y_m)
-    around, nearest_m, bearing_rad = _within(far_m, hull, rays, distance_m, hits)
+    known = Surfaces() if previous is None else previous.surfaces
+    if before is None or before.geometry != geometry:
+        known = known._replace(mean_m=NOTHING)
+    step_rad, is_round = geometry.increment, is_full_turn(geometry)
+    known, counts_m = surfaces(known, distance_m, hit, step_rad, moment.pose, far_m, is_round=is_round)
+    around, nearest_m, bearing_rad = _within(far_m, hull, rays, counts_m, hits)
     if problem is not None:
         nearest_m = math.nan
     return ScanReading(
@@ -295,6 +303,7 @@ def read_scan(
         since_m,
         share,
         has_returned,
+        known,
         is_open and not (has_returned and _is_heard(view, moment, lidar.profile)),
         0 if before is None else max(0, before.geometry.beams - geometry.beams),
     )
@@ -330,6 +339,7 @@ def _invalid_reading(
         moment.proven_m,
         share,
         previous is not None and previous.has_returned,
+        Surfaces() if previous is None else previous.surfaces,
     )
 
 
