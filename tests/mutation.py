@@ -51,7 +51,8 @@ EQUIVALENT = {
     "if fit.share > EXPLAINED_SHARE",
     "agrees = view.hit & (error_m < tolerance_m)",
     "return _Fit(agrees, view.hit & (error_m >= 2.0 * tolerance_m), share)",
-    "return np.hypot(points[:, 0] - point[0], points[:, 1] - point[1]) <= distance_m",
+    "beside = earlier[np.hypot(earlier[:, 0] - block.x_m, earlier[:, 1] - block.y_m) <= SAME_PLACE_M]",
+    "return bool((config.hull.clearance(beside) <= now_m + SAME_DEPTH_M).any())",
     # What is exactly on the hull is at once both.
     "return hidden[config.hull.clearance(hidden) >= 0.0]  # no object can be inside the hull",
     # The words name the writers only while they conflict.

@@ -155,7 +155,7 @@ def _decide(
     scale, block, limit = 1.0, None, None
     if not reasons and commanded != STANDSTILL:
         scale, block = _passes(state, now_s, usable, commanded, config.creep_m_s)
-        if block is not None and sights.is_confirmed(sight, block, base.odometer, now_s):
+        if block is not None and sights.is_confirmed(sight, config, block, base.odometer, now_s):
             interlock = interlocks.stop_at(interlock, now_s, block, _reason_of(block))
             reasons = frozenset({_reason_of(block)})
     elif reasons & BARRIER_REASONS and usable and commanded != STANDSTILL:

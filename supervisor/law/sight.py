@@ -5,14 +5,14 @@ The functions of `Sight` are called in this order at each step: `see`, `usable`,
 
 import math
 from collections.abc import Iterator, Sequence
-from operator import attrgetter, itemgetter
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 
 from supervisor.law.agreement import Agreement, agree, repeat
 from supervisor.law.base import Base
-from supervisor.law.clearance import NO_POINTS, Block, Floats, Kind, Mask, moved, nothing_around, survey
+from supervisor.law.clearance import NO_POINTS, Block, Floats, Kind, moved, nothing_around, survey
 from supervisor.law.model import Counts, LawConfig
 from supervisor.law.near_memory import Remembered, remember
 from supervisor.law.own_parts import own_sector
@@ -21,7 +21,6 @@ from supervisor.law.reach import Place
 from supervisor.law.reckoning import Odometer, Pose, back_then, between, displacement
 from supervisor.law.scan import LaserScan, Lidar, Moment, ScanReading, View, read_scan
 from supervisor.law.seen_space import Evidence, hidden_places, lookout
-from supervisor.law.surface import EXPLAINED
 from supervisor.law.writers import Sensor, Writer, heard
 from wire.freshness import FALL_TOLERANCE_S, Track, Verdict, judge
 from wire.reasons import StopReason
@@ -29,9 +28,8 @@ from wire.reasons import StopReason
 SAME_PLACE_M = 0.15
 """A return within this distance of an earlier one is from the same object; covers a walking person."""
 
-OWN_PLACE_M = 0.05
-"""A return within this distance of another one is at the same place, if neither is noisy; covers odometry error and the spacing of
-beams."""
+SAME_DEPTH_M = 0.003
+"""A return that is less than this farther from the hull than another one is as near."""
 
 PAST_VIEWS = 10
 
@@ -314,46 +312,36 @@ def advice(config: LawConfig, scans: Usable, block: Block) -> str:
     return ""
 
 
-def is_confirmed(sight: Sight, block: Block, odometer: Odometer, now_s: float) -> bool:
-    """Return whether a block is confirmed, so that it latches: a hidden place, or a return near an earlier one.
+def is_confirmed(sight: Sight, config: LawConfig, block: Block, odometer: Odometer, now_s: float) -> bool:
+    """Return whether a block is confirmed, so that it latches: a hidden place, or a return that an earlier scan confirms.
 
-    A single stray return, from dust or rain, stops the robot while it is present, but latches nothing. In front of a wall, too: the
-    wall is near, but not at the same place.
+    The earlier scan must show a return that is nearby and as near to the hull, or inside the stop distance too. Otherwise a stray
+    return, from dust, rain or noise, stops the robot while it is present, but latches nothing, even in front of a wall.
     """
     if block.kind is not Kind.SEEN:
         return block.kind is Kind.HIDDEN
+    now_m = max(_clearance_m(sight, block, odometer, now_s), config.stop_distance_m)
     earlier = np.concatenate([lidar.earlier for lidar in sight.lidars])
-    if not _are_near(earlier, np.array((block.x_m, block.y_m)), SAME_PLACE_M).any():
-        return False
-    scan, place = _shown(sight, block, odometer, now_s)
-    point = scan.around.points[place]
-    band_m = min(SAME_PLACE_M, OWN_PLACE_M + EXPLAINED * scan.surfaces.noise_m)
-    beside = np.delete(scan.around.points, place, axis=0)
-    return bool(_are_near(beside, point, band_m).any() or _are_near(earlier, point, band_m).any())
+    beside = earlier[np.hypot(earlier[:, 0] - block.x_m, earlier[:, 1] - block.y_m) < SAME_PLACE_M]
+    return bool((config.hull.clearance(beside) < now_m + SAME_DEPTH_M).any())
 
 
-def _shown(sight: Sight, block: Block, odometer: Odometer, now_s: float) -> tuple[ScanReading, int]:
-    """Return the newest scan that shows the point of a block, and the index of the point in it.
+def _clearance_m(sight: Sight, block: Block, odometer: Odometer, now_s: float) -> float:
+    """Return the clearance [m] of a block in the newest scan that shows it.
 
     The block is in the base frame of this scan, or in the present one.
     """
-    found: list[tuple[float, ScanReading, int]] = []
+    found: list[tuple[float, float]] = []
     for scan in newest(sight):
-        if scan.view is None or len(scan.around.points) == 0:
-            continue
         points = scan.around.points
+        if scan.view is None or len(points) == 0:
+            continue
         way = displacement(odometer, scan.view.pose, now_s)
         for frame in (points,) if way is None else (points, moved(points, way)):
             away_m = np.hypot(frame[:, 0] - block.x_m, frame[:, 1] - block.y_m)
             nearest = int(away_m.argmin())
-            found.append((away_m.item(nearest), scan, nearest))
-    _, scan, place = min(found, key=itemgetter(0))
-    return scan, place
-
-
-def _are_near(points: Floats, point: Floats, distance_m: float) -> Mask:
-    """Return which points (n, 2) are nearer than a distance [m] to a point (2,)."""
-    return np.hypot(points[:, 0] - point[0], points[:, 1] - point[1]) < distance_m
+            found.append((away_m.item(nearest), scan.around.clearance_m.item(nearest)))
+    return min(found)[1]
 
 
 def nearest(sight: Sight) -> tuple[float, float]:
