@@ -42,6 +42,7 @@ from supervisor.law.scan import LaserScan
 from supervisor.law.sight import SAME_PLACE_M
 from supervisor.law.state import State
 from supervisor.law.stop_rules import STOP_RULES, RaisedBy, cleared_by
+from supervisor.law.surface import LEAST_NOISE_M
 from wire.lease import LEASE_S
 from wire.reasons import StopReason
 
@@ -279,7 +280,16 @@ def seen_table() -> str:
             f"{MISSES}",
             "fixed",
         ),
-        ("distance within which an earlier reading confirms a stop", f"{SAME_PLACE_M:g} m", "fixed"),
+        (
+            "distance within which an earlier reading confirms a stop, if it is as near to the hull",
+            f"{SAME_PLACE_M:g} m",
+            "fixed",
+        ),
+        (
+            "range noise, as measured, from which surfaces count instead of single readings",
+            f"{1000 * LEAST_NOISE_M:g} mm",
+            "fixed",
+        ),
     )
     return _table(("what", "default", "in `[supervisor]`"), rows)
 

@@ -255,7 +255,8 @@ def read_scan(
     rays = rays_of(geometry, lidar.mount, hull)
     readings = explain(scan.ranges, scan.range_min, scan.range_max, lidar.profile)
     # No object can be inside the hull: a return inside it is moved outward along its beam to the outline.
-    distance_m = np.maximum(readings.distance_m, np.maximum(rays.hull_m, LEAST_M))
+    outline_m = np.maximum(rays.hull_m, LEAST_M)
+    distance_m = np.maximum(readings.distance_m, outline_m)
     hit = readings.hit & rays.looking
     (hits,) = hit.nonzero()
     share = len(hits) / geometry.beams
@@ -287,7 +288,7 @@ def read_scan(
         known = known._replace(mean_m=NOTHING)
     step_rad, is_round = geometry.increment, is_full_turn(geometry)
     known, counts_m = surfaces(known, distance_m, hit, step_rad, moment.pose, far_m, is_round=is_round)
-    around, nearest_m, bearing_rad = _within(far_m, hull, rays, counts_m, hits)
+    around, nearest_m, bearing_rad = _within(far_m, hull, rays, np.maximum(counts_m, outline_m), hits)
     if problem is not None:
         nearest_m = math.nan
     return ScanReading(

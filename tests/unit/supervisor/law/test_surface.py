@@ -1,0 +1,311 @@
+"""The distance that counts for a beam: that of its surface, minus two standard errors."""
+
+import math
+
+import numpy as np
+import pytest
+
+from supervisor.law.reckoning import Pose
+from supervisor.law.surface import (
+    EXPLAINED,
+    FEWEST,
+    LEAST_NOISE_M,
+    MOST_NOISE_M,
+    MOST_SCANS,
+    NOTHING,
+    REST,
+    Surfaces,
+    surfaces,
+)
+
+BEAMS = 360
+STEP_RAD = 2 * math.pi / BEAMS
+HERE = Pose(0.0, 0.0, 0.0)
+NOISE_M = 0.01
+NOISY = Surfaces(NOISE_M, scans=1)
+"""The noise is measured in the scans 0, 4, 8 and so on."""
+
+
+def read(
+    ranges: np.ndarray,
+    before: Surfaces = NOISY,
+    pose: Pose = HERE,
+    step_rad: float = STEP_RAD,
+    near_m: float = 3.0,
+    *,
+    is_round: bool = True,
+) -> tuple[Surfaces, np.ndarray]:
+    hit = np.isfinite(ranges)
+    return surfaces(before, ranges, hit, step_rad, pose, near_m, is_round=is_round)
+
+
+def wall(distance_m: float = 0.6, slant_rad: float = 0.4, beams: int = 41) -> np.ndarray:
+    """Ranges of a straight wall, over beams that do not form a full turn."""
+    angle = STEP_RAD * (np.arange(beams) - beams // 2)
+    return distance_m / np.cos(angle - slant_rad)
+
+
+def noisy(ranges: np.ndarray, seed: int = 0, noise_m: float = NOISE_M) -> np.ndarray:
+    return ranges + noise_m * np.random.default_rng(seed).standard_normal(len(ranges))
+
+
+def measured_mm(ranges: np.ndarray, **more: float) -> float:
+    return 1000.0 * read(ranges, Surfaces(), **more)[0].noise_m  # type: ignore[arg-type]
+
+
+# --- the distance that counts
+
+
+def test_a_slanted_wall_without_a_deviation_counts_two_standard_errors_nearer() -> None:
+    ranges = wall()
+    _, counts_m = read(ranges, is_round=False)
+    beams = np.full(41, 7.0)
+    beams[[0, 1, 2, -1, -2, -3]] = 1.0, 3.0, 5.0, 1.0, 3.0, 5.0
+    expected = ranges - np.where(beams > 1.0, 2.0 * NOISE_M / np.sqrt(beams), 0.0)
+    assert counts_m == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_first_beam_of_a_full_turn_is_the_last_one_s_neighbour() -> None:
+    _, counts_m = read(np.full(BEAMS, 0.1))
+    assert counts_m == pytest.approx(0.1 - 2.0 * NOISE_M / math.sqrt(7.0), abs=1e-4)
+
+
+def test_a_clockwise_scan_counts_as_a_counter_clockwise_one() -> None:
+    ranges = noisy(wall())
+    _, counts_m = read(ranges, is_round=False)
+    _, clockwise_m = read(ranges[::-1], step_rad=-STEP_RAD, is_round=False)
+    assert clockwise_m[::-1] == pytest.approx(counts_m)
+
+
+def test_the_neighbours_of_a_denser_lidar_are_a_degree_apart() -> None:
+    ranges = np.full(3 * BEAMS, 0.6)
+    ranges[[98, 99, 101, 102]] = 0.58  # a third and two thirds of a degree beside beam 100
+    _, counts_m = read(ranges, step_rad=STEP_RAD / 3)
+    assert counts_m[100] == pytest.approx(0.6 - 2.0 * NOISE_M / math.sqrt(7.0), abs=1e-3)
+    ranges[97] = ranges[103] = 0.58
+    _, counts_m = read(ranges, step_rad=STEP_RAD / 3)
+    assert counts_m[100] == pytest.approx((0.6 + 2 * 0.58) / 3, abs=1e-3)
+
+
+def test_one_reading_of_a_wall_that_is_too_near_counts_with_its_surface() -> None:
+    ranges = np.full(BEAMS, 0.6)
+    ranges[100] -= 3.0 * NOISE_M
+    _, counts_m = read(ranges)
+    assert counts_m[100] == pytest.approx(
+        0.6 - 3.0 * NOISE_M / 7.0 - 2.0 * NOISE_M / math.sqrt(7.0), abs=1e-3
+    )
+    assert counts_m[103] == pytest.approx(
+        0.6 - 3.0 * NOISE_M / 7.0 - 2.0 * NOISE_M / math.sqrt(7.0), abs=1e-3
+    )
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_reading_that_noise_does_not_explain_counts_as_it_is(side: float) -> None:
+    off_m = EXPLAINED * NOISE_M
+    ranges = np.full(BEAMS, 5.0)
+    for share, is_kept in ((1.02, True), (0.98, False)):
+        ranges[100] = 5.0 + side * share * off_m
+        _, counts_m = read(ranges)
+        assert bool(counts_m[100] == ranges[100]) is is_kept
+
+
+def test_a_surface_ends_at_the_first_pair_that_does_not_agree() -> None:
+    ranges = np.full(BEAMS, 2.0)
+    ranges[:98] = 1.0
+    ranges[103:] = 1.0  # five beams of 2 m, between what is nearer
+    _, counts_m = read(ranges)
+    assert counts_m[98] == counts_m[102] == 2.0
+    assert counts_m[99] == pytest.approx(2.0 - 2.0 * NOISE_M / math.sqrt(3.0), abs=1e-3)
+    assert counts_m[100] == pytest.approx(2.0 - 2.0 * NOISE_M / math.sqrt(5.0), abs=2e-3)
+    ranges[98] = ranges[102] = 1.0
+    ranges[97] = ranges[103] = 2.0  # beyond a pair that does not agree, one that does
+    _, counts_m = read(ranges)
+    assert counts_m[100] == pytest.approx(2.0 - 2.0 * NOISE_M / math.sqrt(3.0), abs=1e-3)
+
+
+def test_a_post_of_four_beams_stays_before_a_wall_that_noise_could_explain() -> None:
+    ranges = np.full(BEAMS, 0.6)
+    ranges[100:104] = 0.6 - 4.0 * NOISE_M
+    _, counts_m = read(ranges)
+    assert counts_m[101:103] == pytest.approx(0.6 - 4.0 * NOISE_M, abs=1e-3)
+
+
+def test_a_beam_without_a_return_is_nobody_s_neighbour() -> None:
+    ranges = np.full(BEAMS, 0.6)
+    ranges[101] = math.inf
+    _, counts_m = read(ranges)
+    assert counts_m[100] == counts_m[102] == 0.6
+    assert counts_m[103] == pytest.approx(0.6 - 2.0 * NOISE_M / math.sqrt(3.0), abs=1e-3)
+
+
+# --- a robot at rest
+
+
+def test_the_mean_of_a_resting_robot_s_readings_counts_and_not_the_newest() -> None:
+    state, ranges = NOISY, np.full(BEAMS, math.inf)
+    for number, reading in enumerate((0.60, 0.62, 0.59, 0.63)):
+        ranges[100] = reading  # a beam alone
+        state, counts_m = read(ranges, state._replace(scans=1))
+        mean_m = np.mean((0.60, 0.62, 0.59, 0.63)[: number + 1])
+        error_m = 0.0 if number == 0 else 2.0 * NOISE_M / math.sqrt(number + 1.0)
+        assert counts_m[100] == pytest.approx(mean_m - error_m)
+
+
+def test_at_rest_the_error_of_a_surface_shrinks_with_the_scans() -> None:
+    state, ranges = NOISY, wall()
+    for number in range(1, 5):
+        state, counts_m = read(ranges, state._replace(scans=1), is_round=False)
+        assert counts_m[20] == pytest.approx(ranges[20] - 2.0 * NOISE_M / math.sqrt(7.0 * number))
+
+
+def test_at_rest_a_surface_ends_where_the_noise_of_the_mean_does_not_explain_a_pair() -> None:
+    state, ranges = NOISY, np.full(BEAMS, 0.6)
+    ranges[100] -= 0.8 * EXPLAINED * NOISE_M
+    for number in (1, 2):
+        state, counts_m = read(ranges, state._replace(scans=1))
+        alone_m = ranges[100] - 2.0 * NOISE_M / math.sqrt(number)
+        assert bool(counts_m[100] == pytest.approx(alone_m)) is (number == 2)
+
+
+def test_a_reading_that_noise_does_not_explain_begins_a_new_mean() -> None:
+    for share, scans in ((0.99, 2.0), (1.01, 1.0)):
+        ranges = np.full(BEAMS, math.inf)
+        ranges[100] = 0.6
+        state, _ = read(ranges)
+        ranges[100] += share * EXPLAINED * NOISE_M
+        state, _ = read(ranges, state._replace(scans=1))
+        assert state.seen[100] == scans
+        assert state.mean_m[100] == pytest.approx(0.6 + share * EXPLAINED * NOISE_M / scans)
+
+
+def test_a_beam_that_returns_again_begins_a_new_mean() -> None:
+    ranges = np.full(BEAMS, 0.6)
+    state, _ = read(ranges)
+    state, _ = read(np.where(np.arange(BEAMS) == 100, math.inf, ranges), state)
+    assert math.isnan(state.mean_m[100])
+    state, _ = read(ranges, state._replace(scans=1))
+    assert (state.seen[100], state.seen[200], state.mean_m[100]) == (1.0, 3.0, 0.6)
+
+
+def test_the_mean_forgets_old_readings() -> None:
+    state, ranges = NOISY, np.full(BEAMS, 0.6)
+    for _ in range(60):
+        state, _ = read(ranges, state._replace(scans=1))
+    assert state.seen.tolist() == [MOST_SCANS] * BEAMS
+    state, _ = read(ranges + 0.01, state._replace(scans=1))
+    assert state.mean_m == pytest.approx(0.6 + 0.01 / MOST_SCANS)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_robot_that_moves_begins_new_means(axis: int) -> None:
+    ranges = np.full(BEAMS, 0.6)
+    first, _ = read(ranges)
+    slow = first
+    for moved in (0.6 * REST, math.nextafter(REST, 0.0), -math.nextafter(REST, 0.0)):
+        way = [0.0, 0.0, 0.0]
+        way[axis] = moved
+        slow, _ = read(ranges, slow._replace(scans=1), Pose(*way))
+        assert slow.pose == HERE, "many small motions add up"
+    assert slow.seen[0] == 4.0
+    way[axis] = REST
+    state, counts_m = read(ranges + 0.02, slow._replace(scans=1), Pose(*way))
+    assert (state.seen[0], state.pose, state.mean_m[0]) == (1.0, Pose(*way), 0.62)
+    assert counts_m[0] == pytest.approx(0.62 - 2.0 * NOISE_M / math.sqrt(7.0), abs=1e-3)
+
+
+def test_means_of_other_directions_are_not_used() -> None:
+    state, _ = read(np.full(BEAMS, 0.6))
+    state, _ = read(np.full(BEAMS, 0.6), state._replace(mean_m=NOTHING))
+    assert state.seen[0] == 1.0
+
+
+# --- the noise
+
+
+def test_without_noise_all_readings_count_as_they_are() -> None:
+    ranges = np.abs(wall(2.0, 0.0, BEAMS))
+    state, counts_m = read(ranges, Surfaces())
+    assert counts_m is ranges
+    assert (state.noise_m < 1e-9, state.scans, len(state.mean_m)) == (True, 1, 0)
+    quiet = NOISY._replace(noise_m=math.nextafter(LEAST_NOISE_M, 0.0))
+    assert read(ranges, quiet)[1] is ranges
+    assert read(ranges, NOISY._replace(noise_m=LEAST_NOISE_M))[1] is not ranges
+
+
+@pytest.mark.parametrize("noise_m", [0.003, 0.01, 0.03])
+def test_the_noise_of_a_room_is_measured_to_a_fifth(noise_m: float) -> None:
+    angle = STEP_RAD * (np.arange(BEAMS) + 0.5)
+    room = np.minimum(2.0 / np.abs(np.cos(angle)), 2.2 / np.abs(np.sin(angle)))
+    state = Surfaces()
+    for seed in range(100):
+        state, _ = read(noisy(room, seed, noise_m), state)
+    assert state.noise_m == pytest.approx(noise_m, rel=0.2)
+    assert state.scans == 100
+
+
+def test_the_noise_is_measured_in_every_fourth_scan_and_the_mean_of_25_measurements_counts() -> None:
+    loud, state = noisy(np.full(BEAMS, 1.0)), Surfaces()
+    once_m = read(loud, Surfaces())[0].noise_m
+    for scans, expected_m in (
+        (0, once_m),
+        (1, 0.0),
+        (3, 0.0),
+        (4, once_m / 2),
+        (8, once_m / 3),
+        (400, once_m / 25),
+    ):
+        state, _ = read(loud, Surfaces(0.0, scans))
+        assert state.noise_m == pytest.approx(expected_m)
+        assert state.scans == scans + 1
+    state, _ = read(loud, Surfaces(once_m, 400))
+    assert state.noise_m == pytest.approx(once_m)
+
+
+def test_clutter_is_no_noise() -> None:
+    rng = np.random.default_rng(1)
+    ranges = np.full(BEAMS, 4.0)
+    for _ in range(20):
+        centre, half = int(rng.integers(10, 350)), int(rng.integers(2, 8))
+        across = np.linspace(-0.9, 0.9, 2 * half + 1)
+        ranges[centre - half : centre + half + 1] = 1.0 - 0.1 * np.sqrt(1.0 - across**2)
+    assert measured_mm(ranges) < 1000.0 * LEAST_NOISE_M
+    assert measured_mm(np.where(np.arange(BEAMS) % 12 < 2, 1.0, ranges)) < 1000.0 * LEAST_NOISE_M
+
+
+def test_neither_side_alone_is_noise() -> None:
+    ranges = np.full(BEAMS, 2.0)
+    ranges[::3] = 1.98  # a third of the pairs is behind, two thirds before
+    ranges[1::3] = 1.99
+    for side in (ranges, 4.0 - ranges):
+        noise = np.abs(np.diff(side)).max() * 1000.0
+        assert measured_mm(side) < noise
+    teeth = np.where(
+        np.arange(BEAMS) % 4 == 0, 1.9, 2.0
+    )  # half of the pairs are before their beam, a quarter behind
+    assert measured_mm(teeth) < 1.0
+    assert measured_mm(4.0 - teeth) < 1.0
+
+
+def test_more_noise_than_any_lidar_has_is_not_believed() -> None:
+    assert measured_mm(noisy(np.full(BEAMS, 2.0), 0, 0.5)) == 1000.0 * MOST_NOISE_M
+
+
+def test_the_noise_of_near_returns_counts_if_they_suffice() -> None:
+    ranges = np.full(BEAMS, 5.0)
+    ranges[:40] = 1.0
+    ranges = np.where(ranges == 5.0, noisy(ranges, 0, 0.02), ranges)
+    assert measured_mm(ranges) < 1.0
+    assert measured_mm(ranges, near_m=1.0) > 5.0, "no return is nearer than 1 m"
+    ranges[FEWEST:40] = math.inf
+    assert measured_mm(ranges) > 5.0, "two of the near beams have one neighbour only"
+    ranges[FEWEST : FEWEST + 1] = ranges[-1] = 1.0
+    assert measured_mm(ranges) < 1.0
+
+
+def test_the_noise_of_a_few_beams_is_not_measured() -> None:
+    state = Surfaces(0.007, 4)
+    ranges = np.full(BEAMS, math.inf)
+    ranges[: FEWEST + 1] = 1.0
+    assert read(ranges, state)[0].noise_m == 0.007
+    ranges[FEWEST + 1] = 1.0
+    assert read(ranges, state)[0].noise_m == pytest.approx(0.0035, abs=1e-4)
