@@ -41,7 +41,11 @@ EQUIVALENT = {
     # Two shares are equal only if both are zero or both are one: then either does.
     "share, blocking = min(shares, key=None, default=(1.0, None))",
     "share, blocking = min(shares, default=(1.0, None))",
+    # The innermost pair is the same, and every fourth scan a whole number.
+    "off_m = _pairs(raw_m, 2, step_rad, is_round=is_round)[0] - raw_m",
+    "number = min(before.scans / MEASURED_EVERY + 1, MEASUREMENTS)",
     # One value of a float, among those that a distance or a share may have.
+    "agree = np.abs(off_m) < EXPLAINED * error_m",
     "(other,) = (np.abs(returns_m - distance_m[left, None]).min(axis=1) >= SAME_M).nonzero()",
     "leaving, entering = outwards >= NOTHING_M, outwards < -NOTHING_M",
     "leaving, entering = outwards > NOTHING_M, outwards <= -NOTHING_M",

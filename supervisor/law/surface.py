@@ -183,7 +183,7 @@ def _spacing(count: int, step_rad: float) -> tuple[int, Floats]:
 def _measured(before: Surfaces, raw_m: Floats, step_rad: float, near_m: float, *, is_round: bool) -> float:
     """Return the mean of the noise so far and that of this scan; the former if the scan has too few returns."""
     off_m = _pairs(raw_m, 1, step_rad, is_round=is_round)[0] - raw_m
-    known = np.abs(off_m) < math.inf
+    known = ~np.isnan(off_m)
     near = known & (raw_m < near_m)
     off_m = off_m[near if np.count_nonzero(near) >= FEWEST else known]
     if len(off_m) < FEWEST:

@@ -11,6 +11,7 @@ from supervisor.law.lidar import PROFILES, LidarProfile
 from supervisor.law.reckoning import Pose
 from supervisor.law.scan import LaserScan, Lidar, Moment, Mount, ScanReading, read_scan
 from supervisor.law.seen_space import hidden_places
+from supervisor.law.surface import Surfaces
 
 BEAMS = 360
 BEAM_RAD = 2 * math.pi / BEAMS
@@ -553,3 +554,48 @@ def test_at_start_no_return_is_believed_only_of_sensors_that_say_it_reliably(*, 
     ranges = full()
     ranges[40] = math.inf
     assert holes(read(ranges, lidar=lidar)) == ([] if at_start else [40])
+
+
+# --- surfaces instead of single readings (surface.py)
+
+NOISY = Surfaces(0.01, scans=1)
+
+
+def test_what_is_around_is_at_the_distances_that_count_and_free_space_at_the_readings() -> None:
+    first = read(full(0.6))
+    reading = read(full(0.6), first._replace(surfaces=NOISY), travelled_m=0.0, taken_s=PERIOD_S)
+    nearer_m = 0.02 / math.sqrt(7.0)
+    assert reading.around.clearance_m == pytest.approx(np.full(BEAMS, 0.35 - nearer_m), abs=1e-3)
+    assert reading.nearest_m == pytest.approx(0.35 - nearer_m, abs=1e-3)
+    assert free_m(reading) == pytest.approx(0.6)
+    assert reading.surfaces.scans == 2
+
+
+def test_the_ends_of_half_a_turn_are_no_neighbours() -> None:
+    first = read(full(0.6)[:180], fields={"angle_min": 0.0})
+    reading = read(
+        full(0.6)[:180], first._replace(surfaces=NOISY), taken_s=PERIOD_S, fields={"angle_min": 0.0}
+    )
+    assert reading.around.clearance_m[[0, -1]] == pytest.approx([0.35, 0.35])
+    assert reading.around.clearance_m[90] == pytest.approx(0.35 - 0.02 / math.sqrt(7.0), abs=1e-3)
+
+
+def test_a_scan_of_other_directions_begins_new_means() -> None:
+    first = read(full(0.6))
+    second = read(full(0.61), first._replace(surfaces=NOISY), taken_s=PERIOD_S)
+    same = read(full(0.62), second, taken_s=2 * PERIOD_S)
+    assert same.surfaces.seen.tolist() == [2.0] * BEAMS
+    turned = read(full(0.62), second, taken_s=2 * PERIOD_S, fields={"angle_min": 0.0})
+    assert turned.surfaces.seen.tolist() == [1.0] * BEAMS
+
+
+def test_no_standard_error_places_a_return_inside_the_hull() -> None:
+    first = read(full(0.2501))
+    reading = read(full(0.2501), first._replace(surfaces=NOISY), taken_s=PERIOD_S)
+    assert reading.around.clearance_m == pytest.approx(np.zeros(BEAMS), abs=1e-9)
+
+
+def test_an_invalid_scan_keeps_the_measured_noise() -> None:
+    first = read(full(0.6))._replace(surfaces=NOISY)
+    assert read(full(0.6)[:10], first).surfaces is NOISY
+    assert read(full(0.6)[:10]).surfaces == Surfaces()

@@ -70,6 +70,17 @@ def test_the_first_beam_of_a_full_turn_is_the_last_one_s_neighbour() -> None:
     assert counts_m == pytest.approx(0.1 - 2.0 * NOISE_M / math.sqrt(7.0), abs=1e-4)
 
 
+def test_the_first_and_the_last_beam_of_less_than_a_turn_are_no_neighbours() -> None:
+    ranges, state = np.full(41, 0.1), NOISY
+    for scans in (1, 2):
+        state, counts_m = read(ranges, state._replace(scans=1), is_round=False)
+        assert (
+            counts_m[0]
+            == counts_m[-1]
+            == pytest.approx(0.1 if scans == 1 else 0.1 - math.sqrt(2.0) * NOISE_M)
+        )
+
+
 def test_a_clockwise_scan_counts_as_a_counter_clockwise_one() -> None:
     ranges = noisy(wall())
     _, counts_m = read(ranges, is_round=False)
@@ -156,6 +167,10 @@ def test_at_rest_the_error_of_a_surface_shrinks_with_the_scans() -> None:
     for number in range(1, 5):
         state, counts_m = read(ranges, state._replace(scans=1), is_round=False)
         assert counts_m[20] == pytest.approx(ranges[20] - 2.0 * NOISE_M / math.sqrt(7.0 * number))
+    state = NOISY
+    for number in range(1, 5):
+        state, counts_m = read(np.full(BEAMS, 0.1), state._replace(scans=1))
+        assert counts_m[0] == pytest.approx(0.1 - 2.0 * NOISE_M / math.sqrt(7.0 * number), abs=1e-4)
 
 
 def test_at_rest_a_surface_ends_where_the_noise_of_the_mean_does_not_explain_a_pair() -> None:
@@ -168,7 +183,7 @@ def test_at_rest_a_surface_ends_where_the_noise_of_the_mean_does_not_explain_a_p
 
 
 def test_a_reading_that_noise_does_not_explain_begins_a_new_mean() -> None:
-    for share, scans in ((0.99, 2.0), (1.01, 1.0)):
+    for share, scans in ((0.99, 2.0), (1.01, 1.0), (-0.99, 2.0), (-1.01, 1.0)):
         ranges = np.full(BEAMS, math.inf)
         ranges[100] = 0.6
         state, _ = read(ranges)
@@ -176,6 +191,14 @@ def test_a_reading_that_noise_does_not_explain_begins_a_new_mean() -> None:
         state, _ = read(ranges, state._replace(scans=1))
         assert state.seen[100] == scans
         assert state.mean_m[100] == pytest.approx(0.6 + share * EXPLAINED * NOISE_M / scans)
+
+
+def test_a_difference_of_exactly_what_noise_explains_is_explained() -> None:
+    nothing = np.zeros(BEAMS)
+    state = NOISY._replace(mean_m=nothing, seen=nothing + 1.0)
+    assert read(nothing + EXPLAINED * NOISE_M, state)[0].seen[0] == 2.0
+    assert read(nothing + math.nextafter(EXPLAINED * NOISE_M, 1.0), state)[0].seen[0] == 1.0
+    assert pytest.approx(4.0 * math.sqrt(1.5)) == EXPLAINED
 
 
 def test_a_beam_that_returns_again_begins_a_new_mean() -> None:
@@ -286,6 +309,18 @@ def test_neither_side_alone_is_noise() -> None:
     assert measured_mm(4.0 - teeth) < 1.0
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_the_noise_is_the_smaller_of_both_sides(seed: int) -> None:
+    skewed = 1.0 + 0.01 * np.random.default_rng(seed).exponential(1.0, 41)
+    for ranges in (skewed, 2.2 - skewed):
+        one, other = ranges[:-2], ranges[2:]
+        off_m = np.sort(2.0 * math.cos(STEP_RAD) * one * other / (one + other) - ranges[1:-1])
+        below = int(0.375 * 39)
+        spread_m = max(0.0, min(-off_m[below], off_m[38 - below]))
+        state, _ = read(ranges, Surfaces(), is_round=False)
+        assert state.noise_m == pytest.approx(spread_m / (0.3186 * math.sqrt(1.5)))
+
+
 def test_more_noise_than_any_lidar_has_is_not_believed() -> None:
     assert measured_mm(noisy(np.full(BEAMS, 2.0), 0, 0.5)) == 1000.0 * MOST_NOISE_M
 
@@ -298,7 +333,7 @@ def test_the_noise_of_near_returns_counts_if_they_suffice() -> None:
     assert measured_mm(ranges, near_m=1.0) > 5.0, "no return is nearer than 1 m"
     ranges[FEWEST:40] = math.inf
     assert measured_mm(ranges) > 5.0, "two of the near beams have one neighbour only"
-    ranges[FEWEST : FEWEST + 1] = ranges[-1] = 1.0
+    ranges[FEWEST], ranges[-1], ranges[-2] = 1.0, 1.0, math.inf
     assert measured_mm(ranges) < 1.0
 
 
@@ -309,3 +344,6 @@ def test_the_noise_of_a_few_beams_is_not_measured() -> None:
     assert read(ranges, state)[0].noise_m == 0.007
     ranges[FEWEST + 1] = 1.0
     assert read(ranges, state)[0].noise_m == pytest.approx(0.0035, abs=1e-4)
+    for beams, is_measured in ((FEWEST + 1, False), (FEWEST + 2, True)):
+        measured, _ = read(np.full(beams, 1.0), state, is_round=False)
+        assert (measured.noise_m != 0.007) is is_measured
