@@ -189,7 +189,7 @@ def _measured(before: Surfaces, raw_m: Floats, step_rad: float, near_m: float, *
     if len(off_m) < FEWEST:
         return before.noise_m
     below = int(TAIL * len(off_m))
-    sides_m = np.partition(off_m, (below, -1 - below))
+    sides_m = np.sort(off_m)
     spread_m = max(0.0, min(-sides_m.item(below), sides_m.item(-1 - below)))
     number = min(before.scans // MEASURED_EVERY + 1, MEASUREMENTS)
     return before.noise_m + (min(spread_m / TAIL_AT, MOST_NOISE_M) - before.noise_m) / number
