@@ -152,7 +152,8 @@ def _counts(
         agree[outer] &= agree[outer - 1]
     off_m = np.where(agree, off_m, 0.0)
     pairs = np.add.reduce(agree.view(np.int8), dtype=np.int8)
-    surface_m: Floats = np.add.reduce(off_m) * WEIGHTS.take(pairs) - error_m * errors.take(pairs)
+    total_m: Floats = np.add.reduce(off_m)
+    surface_m = total_m * WEIGHTS.take(pairs) - error_m * errors.take(pairs)
     return mean_m + np.minimum(surface_m, off_m[0] * WEIGHTS.item(1))
 
 
