@@ -23,6 +23,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from supervisor.law.clearance import Floats, Mask
 from supervisor.law.reckoning import Pose, between
@@ -74,6 +75,8 @@ MOST_SCANS = 50.0
 """The mean of a resting lidar forgets older readings."""
 
 NOTHING: Floats = np.empty(0)
+
+Counts = npt.NDArray[np.int8]
 
 
 class Surfaces(NamedTuple):
@@ -151,7 +154,7 @@ def _counts(
     for outer in range(1, PAIRS):
         agree[outer] &= agree[outer - 1]
     off_m = np.where(agree, off_m, 0.0)
-    pairs = np.add.reduce(agree.view(np.int8), dtype=np.int8)
+    pairs: Counts = np.add.reduce(agree.view(np.int8), dtype=np.int8)
     total_m: Floats = np.add.reduce(off_m)
     surface_m = total_m * WEIGHTS.take(pairs) - error_m * errors.take(pairs)
     return mean_m + np.minimum(surface_m, off_m[0] * WEIGHTS.item(1))
