@@ -129,7 +129,7 @@ def observe(base: Base, config: LawConfig, now_s: float, before_s: float | None,
         odometers = remembered(odometers, base.odometer, now_s - config.longest_timeout_s)
     commanded_m_s = config.hull_speed_m_s(base.output)
     proven_m_s = 0.0 if odometry is None else measured_m_s
-    follows_after_s = config.dead_time_s + (0.0 if odometry is None else PATIENCE_S)
+    follows_after_s = config.dead_time_s if odometry is None else max(PATIENCE_S, config.dead_time_s)
     if base.moving_s is not None and now_s - base.moving_s > follows_after_s:
         proven_m_s = max(proven_m_s, commanded_m_s)
     writers = base.writers

@@ -81,14 +81,15 @@ def detail_of(
         weakness: what the base does worse than configured.
         open_m_s: the highest speed on silence that only `works_in_the_open` explains.
     """
-    if not causes and limit is Limit.BASE_WEAK:
-        return weakness
-    if not causes and limit is Limit.BASE_UNMEASURED:
-        return f"one stop from {LEAST_SPEED_M_S:g} m/s measures the base; or set deceleration_m_s2"
-    if not causes and limit is Limit.IN_THE_OPEN:
-        return f"open_m_s permits {open_m_s:g} m/s while a lidar is silent"
     if not causes and limit is not None:
-        return "blind_budget_m permits less than this speed" if is_too_fast else "the next command is late"
+        return {
+            Limit.BASE_WEAK: weakness,
+            Limit.BASE_UNMEASURED: f"one stop from {LEAST_SPEED_M_S:g} m/s measures the base; or set deceleration_m_s2",
+            Limit.IN_THE_OPEN: f"open_m_s permits {open_m_s:g} m/s while a lidar is silent",
+            Limit.COMMAND_AGE: "blind_budget_m permits less than this speed"
+            if is_too_fast
+            else "the next command is late",
+        }[limit]
     where, but = bearing_in_words(block_bearing_rad), f"; {advice}" if advice else ""
     match min(causes, key=SEVERITY.__getitem__, default=None):
         case StopReason.ESTOP | StopReason.ESTOP_STATION_LOST:

@@ -245,11 +245,9 @@ def read_scan(
             `OPEN_SHARE` of the beams have one.
         repeated: (n,) beams that repeat an earlier scan (agreement.py): their returns count, but prove nothing free.
     """
-    problem = _contradiction(scan, lidar.min_beams)
     before = None if previous is None else previous.view
     geometry = Geometry.of(scan, lidar.mount)
-    if problem is None and before is not None and _looks_elsewhere(before.geometry, geometry):
-        problem = f"its beams look elsewhere than those before: {JOIN}"
+    problem = _contradiction(scan, lidar.min_beams) or _looks_elsewhere(before, geometry)
     if problem is not None:
         return _invalid_reading(previous, scan, moment, problem, hull)
     rays = rays_of(geometry, lidar.mount, hull)
@@ -283,11 +281,10 @@ def read_scan(
     elif not (has_returned or in_the_open):
         problem = "no return since the start; set works_in_the_open = true if that is normal here"
     far_m = hull.radius_m + reach_m + math.hypot(lidar.mount.x_m, lidar.mount.y_m)
-    known = Surfaces() if previous is None else previous.surfaces
-    if before is None or before.geometry != geometry:
-        known = known._replace(mean_m=NOTHING)
     step_rad, is_round = geometry.increment, is_full_turn(geometry)
-    known, counts_m = surfaces(known, distance_m, hit, step_rad, moment.pose, far_m, is_round=is_round)
+    known, counts_m = surfaces(
+        _known_surfaces(previous, geometry), distance_m, hit, step_rad, moment.pose, far_m, is_round=is_round
+    )
     around, nearest_m, bearing_rad = _within(far_m, hull, rays, np.maximum(counts_m, outline_m), hits)
     if problem is not None:
         nearest_m = math.nan
@@ -308,6 +305,15 @@ def read_scan(
         is_open and not (has_returned and _is_heard(view, moment, lidar.profile)),
         0 if before is None else max(0, before.geometry.beams - geometry.beams),
     )
+
+
+def _known_surfaces(previous: ScanReading | None, geometry: Geometry) -> Surfaces:
+    """Return the noise and the means of earlier scans; without means if its beams look elsewhere."""
+    if previous is None:
+        return Surfaces()
+    if previous.view is None or previous.view.geometry != geometry:
+        return previous.surfaces._replace(mean_m=NOTHING)
+    return previous.surfaces
 
 
 def _repetition(previous: ScanReading | None, scan: LaserScan, moment: Moment) -> tuple[int, float]:
@@ -556,13 +562,14 @@ def _why_not_there(scan: LaserScan, last_rad: float, angle_max: float) -> str:
     return f"{abs(beams)} beams are {'missing' if beams > 0 else 'too many'}"
 
 
-def _looks_elsewhere(before: Geometry, geometry: Geometry) -> bool:
-    """Return whether the middle of a scan of less than half a turn has moved by more than half its width."""
+def _looks_elsewhere(before: View | None, geometry: Geometry) -> str | None:
+    """Return a sentence if the middle of a scan of less than half a turn has moved by more than half its width."""
     width_rad = abs(geometry.increment) * (geometry.beams - 1)
-    if width_rad >= math.pi:
-        return False
-    was_rad, is_rad = (g.angle_min + g.increment * (g.beams - 1) / 2.0 for g in (before, geometry))
-    return abs(math.remainder(is_rad - was_rad, 2 * math.pi)) > width_rad / 2.0
+    if before is None or width_rad >= math.pi:
+        return None
+    was_rad, is_rad = (g.angle_min + g.increment * (g.beams - 1) / 2.0 for g in (before.geometry, geometry))
+    has_moved = abs(math.remainder(is_rad - was_rad, 2 * math.pi)) > width_rad / 2.0
+    return f"its beams look elsewhere than those before: {JOIN}" if has_moved else None
 
 
 @lru_cache(maxsize=16)

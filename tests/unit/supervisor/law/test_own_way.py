@@ -175,7 +175,8 @@ class Robot:
             scans: tuple[LaserScan, ...] = ()
             if tick % 2 == 0:
                 x_m = self.pose.x_m + self.lidar_x_m
-                ranges = self.world.ranges(x_m, 0.0, 0.0)[in_view] + np.float32(1e-4 * (tick % 4))
+                noise_m = 1e-4 * (round(law.now_s / TICK_S) % 4)  # also from one call to the next
+                ranges = self.world.ranges(x_m, 0.0, 0.0)[in_view] + np.float32(noise_m)
                 first = float(ANGLES[in_view[0]])
                 scans = (LaserScan(ranges, first, 2 * math.pi / BEAMS, 0.02, 12.0, law.now_s),)
             command = on_time("teleop", asked, law.now_s)
