@@ -399,13 +399,13 @@ def _each_scan_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
         scan: LaserScan,
         moment: Moment,
         *robot: Any,  # noqa: ANN401 - passed on
-        in_the_open: bool,
+        **how: Any,  # noqa: ANN401 - likewise
     ) -> ScanReading:
         which = id(scan.ranges)
         if which not in WHOLE:
-            return read_scan(previous, scan, moment, *robot, in_the_open=in_the_open)
+            return read_scan(previous, scan, moment, *robot, **how)
         if which not in read:
-            read[which] = read_scan(None, scan, moment, *robot, in_the_open=in_the_open)
+            read[which] = read_scan(None, scan, moment, *robot, **how)
         known, times = read[which], np.full(BEAMS, moment.taken_s)
         assert known.view is not None
         view = known.view._replace(taken_s=moment.taken_s, explained_s=times, returned_s=times)
