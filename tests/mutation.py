@@ -51,7 +51,16 @@ EQUIVALENT = {
     "leaving, entering = outwards > NOTHING_M, outwards <= -NOTHING_M",
     "inside = (depth < 0.0) | (gap <= ON_HULL_M)",
     "entered = clearance <= keep - GRAZE_M - DEEP_TOLERANCE_M_S * horizon_s",
-    "scale = 0.0 if present <= PRESENT_SHARE else scale",
+    "scale = 0.0 if on_its_arc <= PRESENT_SHARE else scale",
+    "lost[first:end] = (end - first) * step_rad >= LEAST_RAD and arc_m >= strip_m",
+    "if before_m_s > BEGUN_SHARE * braking.mean_m_s or braking.first_m_s == 0.0:",
+    # With nothing to spare, the root is the same.
+    "return np.where(spare <= 0.0, 0.0, np.maximum(root, 0.0))",
+    # A base exactly as fast as permitted drives no farther than one that was so before.
+    "if present >= limit[0]:  # the bound is convex: its left side is largest at an end",
+    # numpy computes any negative dimension, and adds in a wider type by itself.
+    "for first, end in edges.reshape(-2, 2).tolist():",
+    "pairs: Counts = np.add.reduce(agree.view(np.int8), dtype=None)",
     "if fit.share > EXPLAINED_SHARE",
     "agrees = view.hit & (error_m < tolerance_m)",
     "return _Fit(agrees, view.hit & (error_m >= 2.0 * tolerance_m), share)",

@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from supervisor.law.clearance import Mask
 from supervisor.law.reckoning import Pose, between
-from supervisor.law.scan import Geometry, LaserScan, Mount, ScanReading, View, is_full_turn
+from supervisor.law.scan import Geometry, LaserScan, Mount, Ranges, ScanReading, View, is_full_turn
 from supervisor.law.silence import FAR_SHARE
 
 STEP_M = 0.25
@@ -57,13 +57,16 @@ EXPLAINED_SHARE = 0.75
 CLEARLY = 0.2
 """An explanation is clearly better than another if it fails on at most this share of the beams on which the other fails."""
 
-REST = 1e-3
-"""[m, rad] The robot rests between two scans if odometry shows less motion than this on every axis."""
+REST = 1e-5
+"""[m, rad] The robot rests between two scans if odometry shows less motion than this on every axis: even at 10 m, it changes a
+reading by no more than `LEAST_CHANGE_M`."""
 
 NOISY_SHARE = 0.15
 RESTS = 5
-"""A lidar has noise if at most this share of the returns outside of wide blocks was the same, bit for bit, in each of this many
-scans at rest. In the recordings of five sensors, 0.14 is the most; a sixth rounds to 1 cm, and repeats up to 0.8."""
+LEAST_CHANGE_M = 1e-4
+"""A lidar has noise if at most this share of the returns outside of wide blocks changed by less than `LEAST_CHANGE_M` in each of
+this many scans at rest. In the recordings of five sensors, 0.14 is the most; a sixth rounds to 1 cm, and repeats up to 0.8. The
+robot of a simulator without noise rests with motions of a millionth of this."""
 
 BLOCK_RAD = math.radians(10.0)
 BLOCK_BEAMS = 6
@@ -168,8 +171,8 @@ def repeat(agreement: Agreement, before: ScanReading | None, scan: LaserScan, po
     """
     if before is None or before.view is None or pose is None or len(before.ranges) != len(scan.ranges):
         return agreement._replace(repeated=None)
-    same = before.ranges == scan.ranges
     rests = max(map(abs, between(before.view.pose, pose))) < REST
+    same = _unchanged(before.ranges, scan.ranges) if rests else before.ranges == scan.ranges
     least = max(BLOCK_BEAMS, math.ceil(BLOCK_RAD / abs(before.view.geometry.increment)))
     if not rests and np.count_nonzero(same) < least:
         return agreement if agreement.repeated is None else agreement._replace(repeated=None)
@@ -187,6 +190,12 @@ def repeat(agreement: Agreement, before: ScanReading | None, scan: LaserScan, po
     if agreement.repeated is not None:
         repeated |= _blocks(agreement.repeated & same, least, is_round=is_round)
     return agreement._replace(repeated=repeated if repeated.any() else None)
+
+
+def _unchanged(before: Ranges, now: Ranges) -> Mask:
+    """Return which readings (n,) of a scan at rest show no noise."""
+    with np.errstate(invalid="ignore"):  # a beam without a return in both scans
+        return np.abs(now - before) < LEAST_CHANGE_M
 
 
 def _blocks(same: Mask, least: int, *, is_round: bool) -> Mask:

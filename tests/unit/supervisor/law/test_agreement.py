@@ -18,8 +18,12 @@ from supervisor.law.agreement import (
     MOST_S,
     STEP_M,
     STEP_RAD,
+    STILL,
     Agreement,
     Explanation,
+    Shift,
+    _fit,  # pyright: ignore[reportPrivateUsage]
+    _is_far,  # pyright: ignore[reportPrivateUsage]
     agree,
     explain,
 )
@@ -32,7 +36,7 @@ from tests.scenes.sensing import Ranges
 from tests.scenes.simple import LIDAR, plain_scene
 from tests.unit.supervisor.law.closed_loop import World, advance, random_world
 from tests.unit.supervisor.law.law_harness import CONFIG, NEUTRAL, Law
-from tests.unit.supervisor.law.views import view_of
+from tests.unit.supervisor.law.views import GEOMETRY, view_of
 from wire.reasons import StopReason
 
 HERE = Mount()
@@ -607,3 +611,27 @@ def test_scans_of_two_geometries_are_comparable() -> None:
     )
     found = explain(before, half, HERE)
     assert found == {E.CONFIGURED}
+
+
+@pytest.mark.parametrize(
+    "geometry", [GEOMETRY, Geometry(300, -2.0, GEOMETRY.increment)], ids=["full turn", "sector"]
+)
+def test_a_return_agrees_with_the_two_old_beams_beside_it(geometry: Geometry) -> None:
+    """Between a near and a far beam, as on a slanted wall, and also between the last beam of a full turn and the first."""
+    count, angle_min, increment = geometry
+    old = view_of(np.where(np.arange(count) % 2 == 0, 1.0, 2.0) + 0.25 * (np.arange(count) % 4), geometry)
+    angle = angle_min + increment * (np.arange(count) + 0.5)
+    following_m = np.roll(old.free_m, -1)
+    points = ((old.free_m + following_m) / 2.0 * np.exp(1j * angle)).astype(np.complex128)
+    fit = _fit(old, old, points, STILL)
+    has_both = np.ones(count, dtype=np.bool_)
+    has_both[-1] = geometry is GEOMETRY
+    assert (fit.agrees == has_both).all()
+    assert fit.share == 1.0
+
+
+def test_explanations_differ_by_a_step_at_least() -> None:
+    assert _is_far(Shift(complex(STEP_M), 0.0), STILL)
+    assert not _is_far(Shift(complex(math.nextafter(STEP_M, 0.0)), 0.0), STILL)
+    assert _is_far(Shift(0j, STEP_RAD), STILL)
+    assert not _is_far(Shift(0j, math.nextafter(STEP_RAD, 0.0)), STILL)

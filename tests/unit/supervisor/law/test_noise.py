@@ -8,11 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from supervisor.law.reckoning import STANDSTILL, Pose, Velocity
+from supervisor.law.clearance import Block, Kind, survey
+from supervisor.law.reckoning import STANDSTILL, Odometer, Pose, Velocity
+from supervisor.law.sight import LidarState, Sight, is_confirmed
 from tests.scenes.run import Outcome, run
 from tests.scenes.simple import LIDAR, plain_scene
 from tests.scenes.world import World
-from tests.unit.supervisor.law.law_harness import FORWARD, NEUTRAL, Law, ring
+from tests.unit.supervisor.law.law_harness import CONFIG, FORWARD, NEUTRAL, Law, ring
 from wire.reasons import StopReason
 
 HULL_M = 0.25
@@ -166,6 +168,31 @@ def test_what_an_earlier_scan_shows_confirms_if_it_is_as_near(
     decision = law.tick(("teleop", Velocity(0.1, 0.0)))
     assert decision.output == STANDSTILL
     assert (decision.reasons == (StopReason.OBSTACLE,)) is latches
+
+
+def shown(points: list[tuple[float, float]]) -> LidarState:
+    """A lidar whose newest scan shows these points, and whose earlier one showed a point 0.37 m before the hull."""
+    law = Law()
+    law.tick(("teleop", NEUTRAL))
+    (lidar,) = law.state.sight.lidars
+    assert lidar.scan is not None
+    around = survey(CONFIG.hull, np.array(points).reshape(-1, 2))
+    return lidar._replace(scan=lidar.scan._replace(around=around), earlier=np.array([(0.62, 0.0)]))
+
+
+def test_a_block_in_the_present_frame_is_found_again_after_a_motion() -> None:
+    """0.42 m later, the far point is where the near one was."""
+    sight = Sight((shown([(1.0, 0.0), (0.6, 0.0)]),))
+    odometer = Odometer(pose=Pose(0.42, 0.0, 0.0), at_s=1000.0)
+    assert is_confirmed(sight, CONFIG, Block(1.0, 0.0, Kind.SEEN, 0.58, 0.0), odometer, 1000.0)
+    assert not is_confirmed(
+        sight, CONFIG, Block(1.0, 0.0, Kind.SEEN, 0.6, 0.0), Odometer(at_s=1000.0), 1000.0
+    )
+
+
+def test_a_lidar_that_shows_nothing_near_confirms_nothing_and_hinders_nothing() -> None:
+    sight = Sight((shown([]), shown([(0.62, 0.0)])))
+    assert is_confirmed(sight, CONFIG, Block(1.0, 0.0, Kind.SEEN, 0.62, 0.0), Odometer(at_s=1000.0), 1000.0)
 
 
 def test_a_remembered_noisy_reading_does_not_bring_the_stop_back() -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from supervisor.law.agreement import BLOCK_RAD, NOISY_SHARE, REST, RESTS, Agreement, repeat
+from supervisor.law.agreement import BLOCK_RAD, LEAST_CHANGE_M, NOISY_SHARE, REST, RESTS, Agreement, repeat
 from supervisor.law.model import Inputs, Odometry
 from supervisor.law.near_memory import Remembered, remember
 from supervisor.law.reckoning import Pose, Velocity
@@ -150,6 +150,16 @@ def test_a_lidar_that_repeats_more_than_a_share_of_its_single_readings_has_no_no
             assert found.rests == (RESTS if is_noisy else 0)
         elif blocks:
             assert (found.repeated is not None) is is_noisy
+
+
+@pytest.mark.parametrize(("change_m", "rests"), [(0.99 * LEAST_CHANGE_M, 0), (1.01 * LEAST_CHANGE_M, RESTS)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_simulated_robot_that_trembles_at_rest_shows_no_noise(
+    change_m: float, rests: int, sign: float
+) -> None:
+    old = np.full(BEAMS, 0.5, dtype=np.float32)
+    new = old + np.float32(sign * change_m)
+    assert repeat(NOISY, seen(old), laser_scan(new, 1.0), HERE).rests == rests
 
 
 def test_beams_without_a_return_do_not_count_as_noise() -> None:

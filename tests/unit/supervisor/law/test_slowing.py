@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from supervisor.law.clearance import (
     Barrier,
     Circle,
+    ConvexPolygon,
     permitted_closing_speed,
     permitted_scale,
     permitted_while_slowing,
@@ -217,6 +218,17 @@ def test_on_an_arc_the_bound_holds_along_the_path_in_shares_of_the_twist(
     )
 
 
+def test_a_base_that_is_too_fast_below_the_command_has_the_bound_of_each_point() -> None:
+    """The corner of the hull closes on the point; the path ahead alone would permit more."""
+    hull = ConvexPolygon(((0.4, -0.3), (0.4, 0.3), (-0.4, 0.3), (-0.4, -0.3)))
+    barrier, around = Barrier(0.3, 1.5, 0.5, 0.0), survey(hull, np.array([(0.873, -0.51)]))
+    closing = around.per_linear.item()
+    permitted = permitted_closing_speed(around.clearance_m, barrier, np.array([0.8 * closing]))
+    share, _ = permitted_scale(around, 1.0, 0.0, barrier, present=0.8)
+    assert share == pytest.approx(permitted.item() / closing)
+    assert 0.0 < share < permitted_scale(around, 1.0, 0.0, barrier)[0]
+
+
 def test_the_speed_along_the_command_is_a_share_of_it() -> None:
     assert along(Velocity(1.0, 0.0), Velocity(0.5, 0.0), 0.25) == pytest.approx(2.0)
     assert along(Velocity(1.0, 2.0), Velocity(0.5, 1.0), 0.25) == pytest.approx(2.0)
@@ -243,3 +255,16 @@ def test_a_base_that_is_faster_than_its_command_is_commanded_less_and_is_not_sto
         assert law.decision.mode is Mode.LIMITED
         assert law.decision.reasons == ()
     assert 0.0 < outputs[1].linear_m_s < outputs[0].linear_m_s
+
+
+def test_a_base_is_too_fast_only_beyond_the_noise_of_odometry() -> None:
+    """At 0.5 m/s, 0.93 of it are permitted: the difference of 0.035 m/s is less than the noise."""
+    outputs: list[float] = []
+    for measured_m_s in (0.465, 0.5):
+        law = Law(replace(ANY_AGE, transport_s=0.3), room_m=3.0)
+        law.ranges = ring(ahead_m=0.25 + 0.3 + 0.221)
+        outputs.append(
+            commanded_while_driving(law, Velocity(0.5, 0.0), Velocity(measured_m_s, 0.0)).linear_m_s
+        )
+    assert 0.46 < outputs[0] < 0.47
+    assert outputs[1] == pytest.approx(outputs[0], abs=1e-9)
