@@ -62,11 +62,12 @@ REST = 1e-5
 reading by no more than `LEAST_CHANGE_M`."""
 
 NOISY_SHARE = 0.15
+APART_SHARE = 0.25
 RESTS = 5
 LEAST_CHANGE_M = 1e-4
-"""A lidar has noise if at most this share of the returns outside of wide blocks changed by less than `LEAST_CHANGE_M` in each of
-this many scans at rest. In the recordings of five sensors, 0.14 is the most; a sixth rounds to 1 cm, and repeats up to 0.8. The
-robot of a simulator without noise rests with motions of a millionth of this."""
+"""A lidar has noise if at most `NOISY_SHARE` of the returns outside of wide blocks changed by less than `LEAST_CHANGE_M` in each of
+`RESTS` scans at rest, and if more than `APART_SHARE` of its returns are outside. In the recordings of five sensors, 0.14 is the most;
+a sixth rounds to 1 cm, and repeats up to 0.8. A simulated robot rests with much smaller motions, which change each reading."""
 
 BLOCK_RAD = math.radians(10.0)
 BLOCK_BEAMS = 6
@@ -182,8 +183,10 @@ def repeat(agreement: Agreement, before: ScanReading | None, scan: LaserScan, po
     same &= returns
     is_round = is_full_turn(before.view.geometry)
     repeated = _blocks(same, least, is_round=is_round)
-    is_noisy = np.count_nonzero(same & ~repeated) <= NOISY_SHARE * np.count_nonzero(returns & ~repeated)
+    apart = returns & ~repeated
+    is_noisy = np.count_nonzero(same & apart) <= NOISY_SHARE * np.count_nonzero(apart)
     if rests:
+        is_noisy &= np.count_nonzero(apart) > APART_SHARE * np.count_nonzero(returns)
         agreement = agreement._replace(rests=min(agreement.rests + 1, RESTS) if is_noisy else 0)
     if rests or not is_noisy or agreement.rests < RESTS:
         repeated[:] = False

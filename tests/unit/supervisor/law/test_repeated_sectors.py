@@ -162,6 +162,13 @@ def test_a_simulated_robot_that_trembles_at_rest_shows_no_noise(
     assert repeat(NOISY, seen(old), laser_scan(new, 1.0), HERE).rests == rests
 
 
+@pytest.mark.parametrize(("apart", "rests"), [(BEAMS // 4, 0), (BEAMS // 4 + 1, RESTS)])
+def test_a_few_noisy_readings_beside_wide_blocks_show_no_noise(apart: int, rests: int) -> None:
+    old, new = noisy(1), noisy(2)
+    new[apart:] = old[apart:]
+    assert repeat(NOISY, seen(old), laser_scan(new, 1.0), HERE).rests == rests
+
+
 def test_beams_without_a_return_do_not_count_as_noise() -> None:
     old, new = noisy(1), noisy(2)
     old[100:], new[100:] = math.inf, math.inf
