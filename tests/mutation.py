@@ -54,13 +54,18 @@ EQUIVALENT = {
     "scale = 0.0 if on_its_arc <= PRESENT_SHARE else scale",
     "lost[first:end] = (end - first) * step_rad >= LEAST_RAD and arc_m >= strip_m",
     "if before_m_s > BEGUN_SHARE * braking.mean_m_s or braking.first_m_s == 0.0:",
+    "stopping=mean_m_s >= LEAST_SPEED_M_S and speed_m_s > BEGUN_SHARE * mean_m_s,",
+    "return (self.t * self.v - self.n * self.tv) / spread if spread >= LEAST_SPREAD_S2 else math.inf",
+    "return np.abs(now - before) <= LEAST_CHANGE_M",
     # With nothing to spare, the root is the same.
     "return np.where(spare <= 0.0, 0.0, np.maximum(root, 0.0))",
     # A base exactly as fast as permitted drives no farther than one that was so before.
     "if present >= limit[0]:  # the bound is convex: its left side is largest at an end",
     # numpy computes any negative dimension, and adds in a wider type by itself.
     "for first, end in edges.reshape(-2, 2).tolist():",
+    "edges = np.flatnonzero(np.diff(np.concatenate(([False], row, [False])))).reshape(-2, 2)",
     "pairs: Counts = np.add.reduce(agree.view(np.int8), dtype=None)",
+    "pairs: Counts = np.add.reduce(agree.view(np.int8), )",
     "if fit.share > EXPLAINED_SHARE",
     "agrees = view.hit & (error_m < tolerance_m)",
     "return _Fit(agrees, view.hit & (error_m >= 2.0 * tolerance_m), share)",

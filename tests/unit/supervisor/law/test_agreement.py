@@ -22,7 +22,9 @@ from supervisor.law.agreement import (
     Agreement,
     Explanation,
     Shift,
+    _Fit,  # pyright: ignore[reportPrivateUsage]
     _fit,  # pyright: ignore[reportPrivateUsage]
+    _is_clearly_better,  # pyright: ignore[reportPrivateUsage]
     _is_far,  # pyright: ignore[reportPrivateUsage]
     agree,
     explain,
@@ -635,3 +637,11 @@ def test_explanations_differ_by_a_step_at_least() -> None:
     assert not _is_far(Shift(complex(math.nextafter(STEP_M, 0.0)), 0.0), STILL)
     assert _is_far(Shift(0j, STEP_RAD), STILL)
     assert not _is_far(Shift(0j, math.nextafter(STEP_RAD, 0.0)), STILL)
+
+
+@pytest.mark.parametrize(("worse", "is_better"), [(1, True), (2, False)])
+def test_a_better_explanation_may_fail_on_a_fifth_of_the_beams(worse: int, *, is_better: bool) -> None:
+    beams = np.arange(20)
+    fit = _Fit(agrees=beams < 5, differs=(beams >= 10) & (beams < 10 + worse), share=1.0)
+    other = _Fit(agrees=beams >= 10, differs=beams < 5, share=1.0)
+    assert _is_clearly_better(fit, other, 0.1) is is_better

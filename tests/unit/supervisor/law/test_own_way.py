@@ -102,8 +102,10 @@ def test_the_own_way_is_looked_at_from_where_the_robot_is() -> None:
 
 
 def test_the_outline_of_the_hull_is_part_of_it() -> None:
-    outline = 0.25 * np.array(((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)))
-    assert OwnWay(CIRCLE, np.zeros((1, 3))).proves_free(outline, 0.04).all()
+    outline = np.array(((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)))
+    square = ConvexPolygon(((1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)))
+    assert OwnWay(CIRCLE, np.zeros((1, 3))).proves_free(0.25 * outline, 0.04).all()
+    assert OwnWay(square, np.zeros((1, 3))).proves_free(outline, 0.04).all()
 
 
 # --- in the law
