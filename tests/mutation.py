@@ -57,6 +57,8 @@ EQUIVALENT = {
     "stopping=mean_m_s >= LEAST_SPEED_M_S and speed_m_s > BEGUN_SHARE * mean_m_s,",
     "return (self.t * self.v - self.n * self.tv) / spread if spread >= LEAST_SPREAD_S2 else math.inf",
     "return np.abs(now - before) <= LEAST_CHANGE_M",
+    # Advice belongs to a block.
+    'advice = "XXXX" if block is None else sights.advice(config, usable, block)',
     # With nothing to spare, the root is the same.
     "return np.where(spare <= 0.0, 0.0, np.maximum(root, 0.0))",
     # A base exactly as fast as permitted drives no farther than one that was so before.

@@ -162,6 +162,14 @@ def test_a_simulated_robot_that_trembles_at_rest_shows_no_noise(
     assert repeat(NOISY, seen(old), laser_scan(new, 1.0), HERE).rests == rests
 
 
+def test_of_a_moving_robot_only_readings_that_are_the_same_bit_for_bit_repeat() -> None:
+    old, new = noisy(1), noisy(2)
+    new[30:60] = old[30:60]
+    assert repeat(NOISY, seen(old), laser_scan(new, 1.0), AHEAD).repeated is not None
+    new[30:60] += np.float32(LEAST_CHANGE_M / 2.0)
+    assert repeat(NOISY, seen(old), laser_scan(new, 1.0), AHEAD).repeated is None
+
+
 @pytest.mark.parametrize(("apart", "rests"), [(BEAMS // 4, 0), (BEAMS // 4 + 1, RESTS)])
 def test_a_few_noisy_readings_beside_wide_blocks_show_no_noise(apart: int, rests: int) -> None:
     old, new = noisy(1), noisy(2)
