@@ -55,7 +55,9 @@ def _read(ranges: Floats, taken_s: float, before: ScanReading | None) -> ScanRea
         ranges.astype(np.float32), -math.pi, 2 * math.pi / BEAMS, 0.05, RANGE_M, arrival_s=taken_s
     )
     moment = Moment(taken_s, SPARSE.timeout_s, HERE, 0.0, 0.0)
-    return read_scan(before, scan, moment, SPARSE, ROUND, REACH_M, in_the_open=False)
+    return read_scan(
+        before, scan, moment, SPARSE, ROUND, REACH_M, DEFAULTS.smallest_obstacle_m, in_the_open=False
+    )
 
 
 def _scene(axes: Axes) -> None:
@@ -180,7 +182,7 @@ def permitted_ahead_m_s(hole_rad: float, smallest_m: float) -> float:
     lidar = Lidar("lidar", Mount(), PROFILES["rep117"], timeout_s=0.24)
     scan = LaserScan(ranges.astype(np.float32), float(angle[0]), increment, 0.05, 12.0, arrival_s=0.0)
     reading = read_scan(
-        None, scan, Moment(0.0, 0.05, HERE, 0.0, 0.0), lidar, ROUND, REACH_M, in_the_open=False
+        None, scan, Moment(0.0, 0.05, HERE, 0.0, 0.0), lidar, ROUND, REACH_M, smallest_m, in_the_open=False
     )
     assert reading.view is not None  # most beams see
     hidden = hidden_places(reading.view, lidar.mount, ROUND, smallest_m, REACH_M)
@@ -259,7 +261,9 @@ def _partial_view(axes: Axes, file: Path, title: str) -> None:
         ranges = _to_walls(lidar.mount, angle).astype(np.float32)
         scan = LaserScan(ranges, first, increment, 0.05, 25.0, arrival_s=0.0)
         moment = Moment(0.0, 0.07, HERE, 0.0, 0.0)
-        reading = read_scan(None, scan, moment, lidar, hull, REACH_M, in_the_open=False)
+        reading = read_scan(
+            None, scan, moment, lidar, hull, REACH_M, config.smallest_obstacle_m, in_the_open=False
+        )
         assert reading.view is not None  # every beam returns
         views.append(reading.view)
         _free_area(axes, reading.view, lidar.mount, hull)

@@ -176,7 +176,14 @@ class Scene:
         )
         moment = Moment(time_s, period_s, self._pose, self._travelled_m, self._travelled_m)
         reading = read_scan(
-            before, scan, moment, lidar, law.hull, law.reach_m, in_the_open=law.works_in_the_open
+            before,
+            scan,
+            moment,
+            lidar,
+            law.hull,
+            law.reach_m,
+            law.smallest_obstacle_m,
+            in_the_open=law.works_in_the_open,
         )
         self._readings[place] = reading
         yield State(f"{SCANS}/{lidar.name}", printable(reading.problem or ""))

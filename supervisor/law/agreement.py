@@ -21,11 +21,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from supervisor.law.clearance import Mask
 from supervisor.law.reckoning import Pose, between
-from supervisor.law.scan import Geometry, LaserScan, Mount, Ranges, ScanReading, View, is_full_turn
+from supervisor.law.scan import Complex, Geometry, LaserScan, Mount, Ranges, ScanReading, View, is_full_turn
 from supervisor.law.silence import FAR_SHARE
 
 STEP_M = 0.25
@@ -72,8 +71,6 @@ a sixth rounds to 1 cm, and repeats up to 0.8. A simulated robot rests with much
 BLOCK_RAD = math.radians(10.0)
 BLOCK_BEAMS = 6
 """Least width of a block of repeated returns: in the recordings of sensors with noise, the widest is 4 degrees."""
-
-Complex = npt.NDArray[np.complex128]
 
 
 class Explanation(StrEnum):

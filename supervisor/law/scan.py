@@ -11,6 +11,7 @@ returns vanish from one scan to the next, or if the lidar has not had any return
 that the robot works in the open, silence counts as free without a return before, at a lower speed.
 """
 
+import cmath
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -48,6 +49,8 @@ BLANK_SHARE = 0.5
 LEAST_INCREMENT_RAD = 1e-6
 """Smallest accepted angle between neighbouring beams: a thousandth of that of real lidars."""
 
+NOWHERE = complex(math.nan, math.nan)
+
 LEAST_M = 1e-6
 """Smallest distance of a return: a distance of zero denotes a ray that is not proven free."""
 
@@ -57,6 +60,8 @@ ANGLE_SLACK_BEAMS = 2.0
 JOIN = "if the driver sends a turn in segments, join them"
 
 Ranges = npt.NDArray[np.float32]
+Complex = npt.NDArray[np.complex128]
+"""Points of a plane, x + iy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,9 +152,9 @@ class View(NamedTuple):
     """(n,): time of this beam's last return."""
     returned_m: Floats
     """(n,): distance that the robot had travelled at that time."""
-    lost_rad: Floats | None = None
-    """(n,): for a lost beam (silence.py), the direction in which it lost its return, as odometer yaw plus its angle in the
-    lidar's frame; NaN for the others. None if no beam is lost."""
+    lost_m: Complex | None = None
+    """(n,): for a lost beam (silence.py), the place of the return that it lost, x + iy [m] in the odometer's frame; NaN for the
+    others. None if no beam is lost."""
 
 
 class ScanReading(NamedTuple):
@@ -228,6 +233,7 @@ def read_scan(
     lidar: Lidar,
     hull: Hull,
     reach_m: float,
+    smallest_m: float,
     *,
     in_the_open: bool,
     repeated: Mask | None = None,
@@ -241,6 +247,7 @@ def read_scan(
         lidar: the configuration of its lidar.
         hull: the robot's outline.
         reach_m: a return farther than this from the hull limits no motion.
+        smallest_m: diameter of the smallest obstacle.
         in_the_open: whether the robot works in the open: silence counts as free without a return before, while less than
             `OPEN_SHARE` of the beams have one.
         repeated: (n,) beams that repeat an earlier scan (agreement.py): their returns count, but prove nothing free.
@@ -281,9 +288,15 @@ def read_scan(
     elif not (has_returned or in_the_open):
         problem = "no return since the start; set works_in_the_open = true if that is normal here"
     far_m = hull.radius_m + reach_m + math.hypot(lidar.mount.x_m, lidar.mount.y_m)
-    step_rad, is_round = geometry.increment, is_full_turn(geometry)
     known, counts_m = surfaces(
-        _known_surfaces(previous, geometry), distance_m, hit, step_rad, moment.pose, far_m, is_round=is_round
+        _known_surfaces(previous, geometry),
+        distance_m,
+        hit,
+        geometry.increment,
+        moment.pose,
+        far_m,
+        smallest_m,
+        is_round=is_full_turn(geometry),
     )
     around, nearest_m, bearing_rad = _within(far_m, hull, rays, np.maximum(counts_m, outline_m), hits)
     if problem is not None:
@@ -410,11 +423,11 @@ def _view(
         returned_m = np.where(hit, moment.travelled_m, -math.inf)
     if profile.silence_limit_s < math.inf and not is_open:
         explained &= _heard(returned_s, returned_m, moment, profile)
-    lost_rad = None
+    lost_m = None
     if before is not None:
-        lost_rad = _lost(before, hit, explained & ~hit, returned_s, moment, lidar.mount, scan.range_max)
-    if lost_rad is not None:
-        explained &= np.isnan(lost_rad)
+        lost_m = _lost(before, hit, explained & ~hit, returned_s, moment, lidar.mount, scan.range_max)
+    if lost_m is not None:
+        explained &= np.isnan(lost_m)
     free_m = np.where(hit, distance_m, scan.range_max)
     facing_rad, explained_s = moment.pose.yaw_rad, np.full(geometry.beams, taken_s)
     if not explained.all():
@@ -437,7 +450,7 @@ def _view(
         facing_rad,
         returned_s,
         returned_m,
-        lost_rad,
+        lost_m,
     )
 
 
@@ -461,8 +474,8 @@ def _lost(
     moment: Moment,
     mount: Mount,
     range_max_m: float,
-) -> Floats | None:
-    """Return `View.lost_rad` of a scan with these returns, silent beams, and times of the last returns; see silence.py."""
+) -> Complex | None:
+    """Return `View.lost_m` of a scan with these returns, silent beams, and times of the last returns; see silence.py."""
     count, angle_min, increment = before.geometry
     pose, is_round = moment.pose, is_full_turn(before.geometry)
     way, index = between(before.pose, pose), np.arange(count)
@@ -472,22 +485,29 @@ def _lost(
     known = before if shift == 0 else _at_beams(before, index + shift)
     remained = known.hit & (known.free_m + strip_m < FAR_SHARE * range_max_m)
     newly = vanished(silent, remained, known.free_m, abs(increment), strip_m, is_round=is_round)
-    if before.lost_rad is None and not newly.any():
+    if before.lost_m is None and not newly.any():
         return None
-    facing_rad = pose.yaw_rad + angle_min
-    lost_rad = np.full(count, math.nan) if before.lost_rad is None else before.lost_rad
-    lost_rad = np.where(newly & np.isnan(lost_rad), facing_rad + increment * index, lost_rad)
-    lost_rad[hit] = math.nan
-    lost = ~np.isnan(lost_rad)
-    (beams,) = lost.nonzero()
-    there = np.rint((lost_rad[beams] - facing_rad) / increment).astype(np.int64)
+    lost_m = np.full(count, NOWHERE) if before.lost_m is None else before.lost_m
+    facing_rad = pose.yaw_rad + mount.yaw_rad + angle_min
+    ahead = np.exp(1j * (facing_rad + increment * index))
+    lost_m = np.where(newly & np.isnan(lost_m), _lidar_at(before.pose, mount) + known.free_m * ahead, lost_m)
+    lost_m[hit] = NOWHERE
+    (beams,) = (~np.isnan(lost_m)).nonzero()
+    to_m = lost_m[beams] - _lidar_at(pose, mount)
+    turn_rad = math.copysign(2 * math.pi, increment)
+    there = np.rint((np.angle(to_m) - facing_rad) % turn_rad / increment).astype(np.int64)
     there = there % count if is_round else there
-    inside = (there >= 0) & (there < count)
-    there = np.clip(there, 0, count - 1)
+    inside = there < count
+    there = np.minimum(there, count - 1)
     # A beam that has not returned anything since the loss may be as blind as the lost one.
-    sees = silent[there] & ~lost[there] & (returned_s[there] > returned_s[beams])
-    lost_rad[beams[inside & sees]] = math.nan
-    return None if np.isnan(lost_rad).all() else lost_rad
+    sees = silent[there] & np.isnan(lost_m[there]) & (returned_s[there] > returned_s[beams])
+    lost_m[beams[inside & sees & (np.abs(to_m) < FAR_SHARE * range_max_m)]] = NOWHERE
+    return None if np.isnan(lost_m).all() else lost_m
+
+
+def _lidar_at(pose: Pose, mount: Mount) -> complex:
+    """Return where the lidar is, x + iy [m], if the base has a pose."""
+    return complex(pose.x_m, pose.y_m) + complex(mount.x_m, mount.y_m) * cmath.rect(1.0, pose.yaw_rad)
 
 
 def _resampled(before: View, geometry: Geometry) -> View:
@@ -527,7 +547,7 @@ def _at_beams(view: View, beam: npt.NDArray[np.int64]) -> View:
         explained_s=np.where(inside, view.explained_s[beam], -math.inf),
         returned_s=np.where(inside, view.returned_s[beam], -math.inf),
         returned_m=np.where(inside, view.returned_m[beam], -math.inf),
-        lost_rad=None if view.lost_rad is None else np.where(inside, view.lost_rad[beam], math.nan),
+        lost_m=None if view.lost_m is None else np.where(inside, view.lost_m[beam], NOWHERE),
     )
 
 

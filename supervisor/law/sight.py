@@ -128,6 +128,7 @@ def see(sight: Sight, config: LawConfig, scan: LaserScan, base: Base) -> Sight:
         lidar,
         config.hull,
         config.reach_m,
+        config.smallest_obstacle_m,
         in_the_open=config.works_in_the_open,
         repeated=agreement.repeated,
     )

@@ -4,7 +4,7 @@ A beam without a return usually proves its ray free as far as `range_max`. But a
 window also reads as silence. Motion takes time: between two scans, an object of at most `MOVER_M_S` and the robot's own motion
 uncover only a narrow strip, and carry a return beyond `range_max` only from near it. A wider block of returns that vanishes at once
 is the sensor's. Its beams are *lost*: their silence proves nothing until they return, or until another beam that has returned since
-then, after a turn, finds the same direction silent. Silence that turns with the robot is never confirmed.
+then finds the place of the lost return empty. Silence that turns with the robot is never confirmed.
 
 Narrower blocks are not judged: on dark and slanted surfaces, real lidars lose 5° of returns in up to 20 % of the scans while
 they move, and 10° in 0.25 %.

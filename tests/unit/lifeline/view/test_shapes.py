@@ -54,7 +54,7 @@ def view_of(ranges: list[float], span_rad: float) -> View:
     scan = LaserScan(np.array(ranges, dtype=np.float32), -math.pi, increment, 0.05, 5.0, arrival_s=0.0)
     lidar = Lidar("lidar", Mount(), PROFILES["rep117"], 0.24, min_beams=4)
     moment = Moment(0.0, 0.05, Pose(0.0, 0.0, 0.0), 0.0, 0.0)
-    view = read_scan(None, scan, moment, lidar, ROUND, 3.0, in_the_open=True).view
+    view = read_scan(None, scan, moment, lidar, ROUND, 3.0, 0.04, in_the_open=True).view
     assert view is not None
     return view
 

@@ -132,7 +132,7 @@ def test_whatever_a_scan_says_the_view_of_it_is_finite_or_proves_nothing(
         moment = Moment(
             1.0 + 0.1 * number, 0.1, Pose(0.1 * number, 0.0, 0.02 * number), 0.1 * number, 0.1 * number
         )
-        reading = read_scan(reading, scan, moment, lidar, hull, 2.0, in_the_open=False)
+        reading = read_scan(reading, scan, moment, lidar, hull, 2.0, 0.04, in_the_open=False)
         _check_reading(reading, lidar, hull)
     assert ranges.tobytes() == before
 

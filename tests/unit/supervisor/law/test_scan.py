@@ -47,6 +47,7 @@ def read(
         lidar,
         hull,
         3.0,
+        0.04,
         in_the_open=in_the_open,
         repeated=repeated,
     )

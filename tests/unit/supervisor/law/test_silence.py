@@ -10,7 +10,7 @@ import pytest
 from supervisor.law.lidar import PROFILES
 from supervisor.law.model import Inputs, Odometry
 from supervisor.law.reckoning import STANDSTILL, Pose, Velocity
-from supervisor.law.scan import LaserScan
+from supervisor.law.scan import LaserScan, Mount
 from supervisor.law.silence import LEAST_RAD, vanished
 from tests.unit.supervisor.law.closed_loop import ANGLES, Base, World, advance
 from tests.unit.supervisor.law.law_harness import (
@@ -137,8 +137,8 @@ def lost_of(law: Law) -> npt.NDArray[np.bool_]:
     scan = law.state.sight.lidars[0].scan
     assert scan is not None
     assert scan.view is not None
-    lost_rad = scan.view.lost_rad
-    return np.zeros(BEAMS, dtype=np.bool_) if lost_rad is None else ~np.isnan(lost_rad)
+    lost_m = scan.view.lost_m
+    return np.zeros(BEAMS, dtype=np.bool_) if lost_m is None else ~np.isnan(lost_m)
 
 
 AHEAD = np.abs(ANGLES) <= 0.3
@@ -191,6 +191,37 @@ def test_another_beam_that_finds_the_same_direction_silent_confirms_it(turn_rad:
     law = law_with_silence_ahead()
     turn(law, turn_rad, world=True)
     assert not lost_of(law).any()
+
+
+@pytest.mark.parametrize(("silent_rad", "is_confirmed"), [(-2.18, True), (-1.2, False)])
+def test_from_another_place_only_a_beam_to_the_lost_return_confirms(
+    silent_rad: float, *, is_confirmed: bool
+) -> None:
+    """The return was 2 m ahead; after a turn by 1.2 rad and 2 m straight on, it is 2.18 rad to the right."""
+    law = law_with_silence_ahead()
+    turn(law, 1.2)
+    for _ in range(round(2.0 / TICK_S)):
+        law.tick(("teleop", NEUTRAL), odometry=Odometry(Velocity(1.0, 0.0), law.now_s + TICK_S))
+    ranges = law.ranges.copy()
+    ranges[np.abs(ANGLES - silent_rad) <= 0.08] = np.inf  # too narrow to be lost itself
+    law.ranges = ranges
+    law.tick(("teleop", NEUTRAL))
+    assert lost_of(law)[BEAMS // 2] != is_confirmed
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 1.5, -2.5])
+def test_the_place_of_a_lost_return_is_where_it_was(yaw_rad: float) -> None:
+    """Also for a lidar that is neither in the middle nor looks ahead."""
+    law = Law(with_lidar(ANY_AGE, mount=Mount(0.2, -0.1, yaw_rad)), room_m=2.0)
+    law.hold(0.1, ("teleop", NEUTRAL))
+    law.ranges = np.where(AHEAD, np.inf, 2.0).astype(np.float32)
+    law.tick(("teleop", NEUTRAL))
+    scan = law.state.sight.lidars[0].scan
+    assert scan is not None
+    assert scan.view is not None
+    assert scan.view.lost_m is not None
+    expected = np.where(AHEAD, 0.2 - 0.1j + 2.0 * np.exp(1j * (ANGLES + yaw_rad)), complex("nan"))
+    assert scan.view.lost_m == pytest.approx(expected, abs=1e-3, nan_ok=True)
 
 
 def turn(law: Law, turn_rad: float, *, world: bool = False) -> None:

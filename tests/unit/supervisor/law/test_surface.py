@@ -10,6 +10,7 @@ from supervisor.law.surface import (
     EXPLAINED,
     FEWEST,
     LEAST_NOISE_M,
+    MEASUREMENTS,
     MOST_NOISE_M,
     MOST_SCANS,
     NOTHING,
@@ -22,8 +23,15 @@ BEAMS = 360
 STEP_RAD = 2 * math.pi / BEAMS
 HERE = Pose(0.0, 0.0, 0.0)
 NOISE_M = 0.01
-NOISY = Surfaces(NOISE_M, scans=1)
-"""The noise is measured in the scans 0, 4, 8 and so on."""
+NOISY = Surfaces(NOISE_M, 1)
+SMALLEST_M = 0.4
+"""Three beams, each a degree from the next, up to 7.6 m away."""
+
+
+@pytest.fixture
+def known_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The noise stays as it is, whatever the scans show."""
+    monkeypatch.setattr("supervisor.law.surface.FEWEST", 10 * BEAMS)
 
 
 def read(
@@ -32,11 +40,12 @@ def read(
     pose: Pose = HERE,
     step_rad: float = STEP_RAD,
     near_m: float = 3.0,
+    smallest_m: float = SMALLEST_M,
     *,
     is_round: bool = True,
 ) -> tuple[Surfaces, np.ndarray]:
     hit = np.isfinite(ranges)
-    return surfaces(before, ranges, hit, step_rad, pose, near_m, is_round=is_round)
+    return surfaces(before, ranges, hit, step_rad, pose, near_m, smallest_m, is_round=is_round)
 
 
 def wall(distance_m: float = 0.6, slant_rad: float = 0.4, beams: int = 41) -> np.ndarray:
@@ -47,10 +56,6 @@ def wall(distance_m: float = 0.6, slant_rad: float = 0.4, beams: int = 41) -> np
 
 def noisy(ranges: np.ndarray, seed: int = 0, noise_m: float = NOISE_M) -> np.ndarray:
     return ranges + noise_m * np.random.default_rng(seed).standard_normal(len(ranges))
-
-
-def measured_mm(ranges: np.ndarray, **more: float) -> float:
-    return 1000.0 * read(ranges, Surfaces(), **more)[0].noise_m  # type: ignore[arg-type]
 
 
 # --- the distance that counts
@@ -70,10 +75,11 @@ def test_the_first_beam_of_a_full_turn_is_the_last_one_s_neighbour() -> None:
     assert counts_m == pytest.approx(0.1 - 2.0 * NOISE_M / math.sqrt(7.0), abs=1e-4)
 
 
+@pytest.mark.usefixtures("known_noise")
 def test_the_first_and_the_last_beam_of_less_than_a_turn_are_no_neighbours() -> None:
     ranges, state = np.full(41, 0.1), NOISY
     for scans in (1, 2):
-        state, counts_m = read(ranges, state._replace(scans=1), is_round=False)
+        state, counts_m = read(ranges, state, is_round=False)
         assert (
             counts_m[0]
             == counts_m[-1]
@@ -141,6 +147,28 @@ def test_a_post_of_four_beams_stays_before_a_wall_that_noise_could_explain() -> 
     assert counts_m[101:103] == pytest.approx(0.6 - 4.0 * NOISE_M, abs=1e-3)
 
 
+@pytest.mark.parametrize(("noise_m", "less_m"), [(0.01, 0.0), (0.03, 2 * 0.03 / math.sqrt(3.0) - 0.0125)])
+def test_the_error_of_a_post_counts_beyond_what_the_stop_distance_tolerates(
+    noise_m: float, less_m: float
+) -> None:
+    ranges = np.full(BEAMS, 0.6)
+    ranges[100:103] = 0.6 - 4.0 * noise_m
+    _, counts_m = read(ranges, NOISY._replace(noise_m=noise_m))
+    assert counts_m[101] == pytest.approx(0.6 - 4.0 * noise_m - less_m, abs=1e-3)
+    ranges[[99, 103]] = math.inf
+    _, counts_m = read(ranges, NOISY._replace(noise_m=noise_m))
+    assert counts_m[100] == ranges[100], "an edge has no pair"
+
+
+def test_where_the_smallest_obstacle_spans_fewer_than_three_beams_no_neighbour_counts() -> None:
+    for step_rad, stride in ((STEP_RAD, 1), (STEP_RAD / 3, 3), (-STEP_RAD, 1)):
+        most_m = 0.04 / (3 * stride * abs(step_rad))
+        for distance_m, is_alone in ((0.999 * most_m, False), (1.001 * most_m, True)):
+            ranges = np.full(BEAMS, distance_m)
+            _, counts_m = read(ranges, step_rad=step_rad, smallest_m=0.04)
+            assert bool(counts_m[100] == distance_m) is is_alone
+
+
 def test_a_beam_without_a_return_is_nobody_s_neighbour() -> None:
     ranges = np.full(BEAMS, 0.6)
     ranges[101] = math.inf
@@ -152,47 +180,52 @@ def test_a_beam_without_a_return_is_nobody_s_neighbour() -> None:
 # --- a robot at rest
 
 
+@pytest.mark.usefixtures("known_noise")
 def test_the_mean_of_a_resting_robot_s_readings_counts_and_not_the_newest() -> None:
     state, ranges = NOISY, np.full(BEAMS, math.inf)
     for number, reading in enumerate((0.60, 0.62, 0.59, 0.63)):
         ranges[100] = reading  # a beam alone
-        state, counts_m = read(ranges, state._replace(scans=1))
+        state, counts_m = read(ranges, state)
         mean_m = np.mean((0.60, 0.62, 0.59, 0.63)[: number + 1])
         error_m = 0.0 if number == 0 else 2.0 * NOISE_M / math.sqrt(number + 1.0)
         assert counts_m[100] == pytest.approx(mean_m - error_m)
 
 
+@pytest.mark.usefixtures("known_noise")
 def test_at_rest_the_error_of_a_surface_shrinks_with_the_scans() -> None:
     state, ranges = NOISY, wall()
     for number in range(1, 5):
-        state, counts_m = read(ranges, state._replace(scans=1), is_round=False)
+        state, counts_m = read(ranges, state, is_round=False)
         assert counts_m[20] == pytest.approx(ranges[20] - 2.0 * NOISE_M / math.sqrt(7.0 * number))
     state = NOISY
     for number in range(1, 5):
-        state, counts_m = read(np.full(BEAMS, 0.1), state._replace(scans=1))
+        state, counts_m = read(np.full(BEAMS, 0.1), state)
         assert counts_m[0] == pytest.approx(0.1 - 2.0 * NOISE_M / math.sqrt(7.0 * number), abs=1e-4)
 
 
+@pytest.mark.usefixtures("known_noise")
 def test_at_rest_a_surface_ends_where_the_noise_of_the_mean_does_not_explain_a_pair() -> None:
     state, ranges = NOISY, np.full(BEAMS, 0.6)
     ranges[100] -= 0.8 * EXPLAINED * NOISE_M
     for number in (1, 2):
-        state, counts_m = read(ranges, state._replace(scans=1))
+        state, counts_m = read(ranges, state)
         alone_m = ranges[100] - 2.0 * NOISE_M / math.sqrt(number)
         assert bool(counts_m[100] == pytest.approx(alone_m)) is (number == 2)
 
 
+@pytest.mark.usefixtures("known_noise")
 def test_a_reading_that_noise_does_not_explain_begins_a_new_mean() -> None:
     for share, scans in ((0.99, 2.0), (1.01, 1.0), (-0.99, 2.0), (-1.01, 1.0)):
         ranges = np.full(BEAMS, math.inf)
         ranges[100] = 0.6
         state, _ = read(ranges)
         ranges[100] += share * EXPLAINED * NOISE_M
-        state, _ = read(ranges, state._replace(scans=1))
+        state, _ = read(ranges, state)
         assert state.seen[100] == scans
         assert state.mean_m[100] == pytest.approx(0.6 + share * EXPLAINED * NOISE_M / scans)
 
 
+@pytest.mark.usefixtures("known_noise")
 def test_a_difference_of_exactly_what_noise_explains_is_explained() -> None:
     nothing = np.zeros(BEAMS)
     state = NOISY._replace(mean_m=nothing, seen=nothing + 1.0)
@@ -201,24 +234,27 @@ def test_a_difference_of_exactly_what_noise_explains_is_explained() -> None:
     assert pytest.approx(4.0 * math.sqrt(1.5)) == EXPLAINED
 
 
+@pytest.mark.usefixtures("known_noise")
 def test_a_beam_that_returns_again_begins_a_new_mean() -> None:
     ranges = np.full(BEAMS, 0.6)
     state, _ = read(ranges)
     state, _ = read(np.where(np.arange(BEAMS) == 100, math.inf, ranges), state)
     assert math.isnan(state.mean_m[100])
-    state, _ = read(ranges, state._replace(scans=1))
+    state, _ = read(ranges, state)
     assert (state.seen[100], state.seen[200], state.mean_m[100]) == (1.0, 3.0, 0.6)
 
 
+@pytest.mark.usefixtures("known_noise")
 def test_the_mean_forgets_old_readings() -> None:
     state, ranges = NOISY, np.full(BEAMS, 0.6)
     for _ in range(60):
-        state, _ = read(ranges, state._replace(scans=1))
+        state, _ = read(ranges, state)
     assert state.seen.tolist() == [MOST_SCANS] * BEAMS
-    state, _ = read(ranges + 0.01, state._replace(scans=1))
+    state, _ = read(ranges + 0.01, state)
     assert state.mean_m == pytest.approx(0.6 + 0.01 / MOST_SCANS)
 
 
+@pytest.mark.usefixtures("known_noise")
 @pytest.mark.parametrize("axis", range(3))
 def test_a_robot_that_moves_begins_new_means(axis: int) -> None:
     ranges = np.full(BEAMS, 0.6)
@@ -227,15 +263,16 @@ def test_a_robot_that_moves_begins_new_means(axis: int) -> None:
     for moved in (0.6 * REST, math.nextafter(REST, 0.0), -math.nextafter(REST, 0.0)):
         way = [0.0, 0.0, 0.0]
         way[axis] = moved
-        slow, _ = read(ranges, slow._replace(scans=1), Pose(*way))
+        slow, _ = read(ranges, slow, Pose(*way))
         assert slow.pose == HERE, "many small motions add up"
     assert slow.seen[0] == 4.0
     way[axis] = REST
-    state, counts_m = read(ranges + 0.02, slow._replace(scans=1), Pose(*way))
+    state, counts_m = read(ranges + 0.02, slow, Pose(*way))
     assert (state.seen[0], state.pose, state.mean_m[0]) == (1.0, Pose(*way), 0.62)
     assert counts_m[0] == pytest.approx(0.62 - 2.0 * NOISE_M / math.sqrt(7.0), abs=1e-3)
 
 
+@pytest.mark.usefixtures("known_noise")
 def test_means_of_other_directions_are_not_used() -> None:
     state, _ = read(np.full(BEAMS, 0.6))
     state, _ = read(np.full(BEAMS, 0.6), state._replace(mean_m=NOTHING))
@@ -245,105 +282,93 @@ def test_means_of_other_directions_are_not_used() -> None:
 # --- the noise
 
 
-def test_without_noise_all_readings_count_as_they_are() -> None:
-    ranges = np.abs(wall(2.0, 0.0, BEAMS))
-    state, counts_m = read(ranges, Surfaces())
-    assert counts_m is ranges
-    assert (state.noise_m < 1e-9, state.scans, len(state.mean_m)) == (True, 1, 0)
-    quiet = NOISY._replace(noise_m=math.nextafter(LEAST_NOISE_M, 0.0))
+def at_rest(
+    means: np.ndarray, noise_m: float | np.ndarray, scans: int, seed: int = 0, **more: object
+) -> Surfaces:
+    """What scans of a robot at rest have shown, from the first one on."""
+    rng, state = np.random.default_rng(seed), Surfaces()
+    for _ in range(scans):
+        state, _ = read(means + noise_m * rng.standard_normal(len(means)), state, **more)  # type: ignore[arg-type]
+    return state
+
+
+def test_until_the_robot_has_rested_all_readings_count_as_they_are() -> None:
+    ranges, state = noisy(np.full(BEAMS, 1.0)), Surfaces()
+    for number in range(5):
+        state, counts_m = read(noisy(ranges, number), state, Pose(0.01 * number, 0.0, 0.0))
+        assert (state.noise_m, state.measurements, state.pose.x_m) == (0.0, 0, 0.01 * number)
+        assert counts_m == pytest.approx(noisy(ranges, number))
+
+
+def test_readings_of_a_lidar_with_little_noise_count_as_they_are() -> None:
+    ranges = noisy(np.full(BEAMS, 0.6))
+    still = Surfaces(pose=Pose(1.0, 0.0, 0.0))
+    quiet = still._replace(noise_m=math.nextafter(LEAST_NOISE_M, 0.0))
     assert read(ranges, quiet)[1] is ranges
-    assert read(ranges, NOISY._replace(noise_m=LEAST_NOISE_M))[1] is not ranges
+    assert read(ranges, still._replace(noise_m=LEAST_NOISE_M))[1] is not ranges
 
 
-@pytest.mark.parametrize("noise_m", [0.003, 0.01, 0.03])
-def test_the_noise_of_a_room_is_measured_to_a_fifth(noise_m: float) -> None:
+@pytest.mark.parametrize("noise_m", [0.003, 0.01, 0.025])
+def test_the_noise_is_measured_to_a_tenth(noise_m: float) -> None:
     angle = STEP_RAD * (np.arange(BEAMS) + 0.5)
     room = np.minimum(2.0 / np.abs(np.cos(angle)), 2.2 / np.abs(np.sin(angle)))
-    state = Surfaces()
-    for seed in range(100):
-        state, _ = read(noisy(room, seed, noise_m), state)
-    assert state.noise_m == pytest.approx(noise_m, rel=0.2)
-    assert state.scans == 100
+    for scans in (2, 30, 200):
+        state = at_rest(room, noise_m, scans)
+        assert state.noise_m == pytest.approx(noise_m, rel=0.1)
+        assert state.measurements == scans - 1
 
 
-def test_the_noise_is_measured_in_every_fourth_scan_and_the_mean_of_25_measurements_counts() -> None:
-    loud, state = noisy(np.full(BEAMS, 1.0)), Surfaces()
-    once_m = read(loud, Surfaces())[0].noise_m
-    for scans, expected_m in (
-        (0, once_m),
-        (1, 0.0),
-        (3, 0.0),
-        (4, once_m / 2),
-        (8, once_m / 3),
-        (400, once_m / 25),
-    ):
-        state, _ = read(loud, Surfaces(0.0, scans))
-        assert state.noise_m == pytest.approx(expected_m)
-        assert state.scans == scans + 1
-    state, _ = read(loud, Surfaces(once_m, 400))
-    assert state.noise_m == pytest.approx(once_m)
+def test_the_mean_of_25_measurements_counts() -> None:
+    ranges = np.full(BEAMS, 1.0)
+    for before, measurements, share in ((0.0, 0, 1.0), (0.0, 1, 1 / 2), (0.01, 2, 1 / 3), (0.0, 400, 1 / 25)):
+        state = Surfaces(before, measurements, HERE, ranges, np.ones(BEAMS))
+        state, _ = read(ranges + 0.005, state)
+        once_m = 0.005 / math.sqrt(2.0) / 0.6745
+        assert state.noise_m == pytest.approx(before + (once_m - before) * share)
+        assert state.measurements == measurements + 1
+    assert MEASUREMENTS == 25
 
 
-def test_clutter_is_no_noise() -> None:
-    rng = np.random.default_rng(1)
-    ranges = np.full(BEAMS, 4.0)
-    for _ in range(20):
-        centre, half = int(rng.integers(10, 350)), int(rng.integers(2, 8))
-        across = np.linspace(-0.9, 0.9, 2 * half + 1)
-        ranges[centre - half : centre + half + 1] = 1.0 - 0.1 * np.sqrt(1.0 - across**2)
-    assert measured_mm(ranges) < 1000.0 * LEAST_NOISE_M
-    assert measured_mm(np.where(np.arange(BEAMS) % 12 < 2, 1.0, ranges)) < 1000.0 * LEAST_NOISE_M
+def test_the_newest_reading_differs_from_the_mean_of_n_by_the_error_of_both() -> None:
+    ranges = np.full(BEAMS, 1.0)
+    state = Surfaces(0.0, 0, HERE, ranges, np.full(BEAMS, 4.0))
+    state, _ = read(ranges - 0.005, state)
+    assert state.noise_m == pytest.approx(0.005 / math.sqrt(1.25) / 0.6745)
 
 
-def test_neither_side_alone_is_noise() -> None:
-    ranges = np.full(BEAMS, 2.0)
-    ranges[::3] = 1.98  # a third of the pairs is behind, two thirds before
-    ranges[1::3] = 1.99
-    for side in (ranges, 4.0 - ranges):
-        noise = np.abs(np.diff(side)).max() * 1000.0
-        assert measured_mm(side) < noise
-    teeth = np.where(
-        np.arange(BEAMS) % 4 == 0, 1.9, 2.0
-    )  # half of the pairs are before their beam, a quarter behind
-    assert measured_mm(teeth) < 1.0
-    assert measured_mm(4.0 - teeth) < 1.0
+def test_half_of_the_readings_decide_and_the_other_half_may_move() -> None:
+    ranges, moving = np.full(41, 1.0), np.full(41, 1.0)
+    state = Surfaces(0.0, 0, HERE, ranges, np.ones(41))
+    moving[:20] = 2.0
+    assert read(moving, state)[0].noise_m == 0.0
+    moving[20] = 2.0
+    assert read(moving, state)[0].noise_m == MOST_NOISE_M
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_the_noise_is_the_smaller_of_both_sides(seed: int) -> None:
-    skewed = 1.0 + 0.01 * np.random.default_rng(seed).exponential(1.0, 41)
-    for ranges in (skewed, 2.2 - skewed):
-        one, other = ranges[:-2], ranges[2:]
-        off_m = np.sort(2.0 * math.cos(STEP_RAD) * one * other / (one + other) - ranges[1:-1])
-        below = int(0.375 * 39)
-        spread_m = max(0.0, min(-off_m[below], off_m[38 - below]))
-        state, _ = read(ranges, Surfaces(), is_round=False)
-        assert state.noise_m == pytest.approx(spread_m / (0.3186 * math.sqrt(1.5)))
+def test_what_stands_still_is_no_noise_however_jagged() -> None:
+    fence = np.where(np.arange(BEAMS) % 4 < 2, 0.9, 1.0)
+    assert at_rest(fence, 0.0, 10).noise_m == 0.0
+    assert at_rest(fence, 0.005, 30).noise_m == pytest.approx(0.005, rel=0.1)
 
 
 def test_more_noise_than_any_lidar_has_is_not_believed() -> None:
-    assert measured_mm(noisy(np.full(BEAMS, 2.0), 0, 0.5)) == 1000.0 * MOST_NOISE_M
+    assert at_rest(np.full(BEAMS, 2.0), 0.5, 2).noise_m == MOST_NOISE_M
 
 
 def test_the_noise_of_near_returns_counts_if_they_suffice() -> None:
     ranges = np.full(BEAMS, 5.0)
-    ranges[:40] = 1.0
-    ranges = np.where(ranges == 5.0, noisy(ranges, 0, 0.02), ranges)
-    assert measured_mm(ranges) < 1.0
-    assert measured_mm(ranges, near_m=1.0) > 5.0, "no return is nearer than 1 m"
-    ranges[FEWEST:40] = math.inf
-    assert measured_mm(ranges) > 5.0, "two of the near beams have one neighbour only"
-    ranges[FEWEST], ranges[-1], ranges[-2] = 1.0, 1.0, math.inf
-    assert measured_mm(ranges) < 1.0
+    ranges[:FEWEST] = 1.0
+    noise_m = np.where(ranges == 5.0, 0.02, 0.0)
+    assert at_rest(ranges, noise_m, 10).noise_m == 0.0
+    assert at_rest(ranges, noise_m, 10, near_m=1.0).noise_m > 0.01, "no return is nearer than 1 m"
+    ranges[0] = 5.0
+    assert at_rest(ranges, noise_m, 10).noise_m > 0.01, "19 are not enough"
 
 
 def test_the_noise_of_a_few_beams_is_not_measured() -> None:
-    state = Surfaces(0.007, 4)
+    state = Surfaces(0.007, 4, HERE, np.full(BEAMS, 1.0), np.ones(BEAMS))
     ranges = np.full(BEAMS, math.inf)
-    ranges[: FEWEST + 1] = 1.0
-    assert read(ranges, state)[0].noise_m == 0.007
-    ranges[FEWEST + 1] = 1.0
-    assert read(ranges, state)[0].noise_m == pytest.approx(0.0035, abs=1e-4)
-    for beams, is_measured in ((FEWEST + 1, False), (FEWEST + 2, True)):
-        measured, _ = read(np.full(beams, 1.0), state, is_round=False)
-        assert (measured.noise_m != 0.007) is is_measured
+    ranges[: FEWEST - 1] = 1.0
+    assert read(ranges, state)[0][:2] == (0.007, 4)
+    ranges[FEWEST - 1] = 1.0
+    assert read(ranges, state)[0][:2] == (pytest.approx(0.0056), 5)

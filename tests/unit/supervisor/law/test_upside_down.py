@@ -22,7 +22,7 @@ def read(ranges: np.ndarray, mount: Mount, angle_min: float, increment: float) -
     scan = LaserScan(ranges, angle_min, increment, 0.05, 12.0, 0.0)
     lidar = Lidar("lidar", mount, PROFILES["rep117"], 0.24)
     moment = Moment(0.0, 0.05, Pose(0.0, 0.0, 0.0), 0.0, 0.0)
-    return read_scan(None, scan, moment, lidar, HULL, 3.0, in_the_open=False)
+    return read_scan(None, scan, moment, lidar, HULL, 3.0, 0.04, in_the_open=False)
 
 
 def places(reading: ScanReading) -> list[list[float]]:
