@@ -94,7 +94,7 @@ WORDS: Mapping[StopReason, Words] = {
         now="the scans contradict the measured motion",
         over="the scans contradicted the measured motion",
         caption="lidar or odometry contradicts the configuration",
-        step="correct the lidar's yaw_rad or odometry, and restart",
+        step="correct yaw_rad, flip or odometry, and restart",
     ),
     StopReason.BASE_UNRESPONSIVE: Words(
         now="the base does not follow its commands",
@@ -175,7 +175,7 @@ LIMIT_WORDS: Mapping[Limit, Words] = {
         now="the brakes of the base are unknown",
         over="the brakes of the base were unknown",
         caption="base not measured",
-        step="stop once from 0.4 m/s, or set deceleration_m_s2",
+        step="stop once from 0.4 m/s or more, or set deceleration_m_s2",
     ),
     Limit.BASE_WEAK: Words(
         now="the base brakes worse, or reacts later, than configured",
@@ -184,10 +184,10 @@ LIMIT_WORDS: Mapping[Limit, Words] = {
         step="reduce the load, or set deceleration_m_s2 and base_dead_time_s to what the base shows",
     ),
     Limit.IN_THE_OPEN: Words(
-        now="a lidar sees nothing, which counts as free only slowly",
-        over="a lidar saw nothing",
-        caption="nothing in sight of a lidar",
-        step="slow down, or drive where the lidar sees something",
+        now="a lidar has hardly any return",
+        over="a lidar had hardly any return",
+        caption="hardly any return",
+        step="drive slowly, or where the lidar has returns",
     ),
 }
 

@@ -93,13 +93,9 @@ def weakness(config: LawConfig) -> str:
     """Return what the base has shown to do worse than configured, as part of a sentence; empty if nothing."""
     worse: list[str] = []
     if config.shown_m_s2 < WEAK_SHARE * config.deceleration_m_s2:
-        worse.append(
-            f"brakes with {config.shown_m_s2:.2f} m/s², configured are {config.deceleration_m_s2:.2f}"
-        )
+        worse.append(f"brakes with {config.shown_m_s2:.2f} m/s² instead of {config.deceleration_m_s2:.2f}")
     if config.shown_dead_s > config.base_dead_time_s + LATE_S:
-        worse.append(
-            f"slows down after {config.shown_dead_s:.2f} s, configured are {config.base_dead_time_s:.2f}"
-        )
+        worse.append(f"slows down after {config.shown_dead_s:.2f} s instead of {config.base_dead_time_s:.2f}")
     return f"the base {', and '.join(worse)}" if worse else ""
 
 

@@ -43,15 +43,19 @@ def renewed(age_s: float, commanded: Velocity, config: LawConfig) -> float:
 
 def measured(commanded: Velocity, config: LawConfig) -> float:
     """Return the share of a motion that is permitted to a base whose stops have shown nothing yet; infinite after the first."""
-    speed_m_s = config.rim_speed_m_s(commanded)
-    if math.isfinite(config.shown_m_s2) or speed_m_s == 0.0:
+    if math.isfinite(config.shown_m_s2):
         return math.inf
-    return config.unmeasured_m_s / speed_m_s
+    return _share(config.unmeasured_m_s, config.rim_speed_m_s(commanded))
 
 
 def in_the_open(scans: Usable, commanded: Velocity, config: LawConfig) -> float:
     """Return the share of a motion that is permitted while silence counts as free by assumption; infinite otherwise."""
-    return config.open_m_s / config.hull_speed_m_s(commanded) if is_assumed(scans) else math.inf
+    return _share(config.open_m_s, config.hull_speed_m_s(commanded)) if is_assumed(scans) else math.inf
+
+
+def _share(permitted_m_s: float, speed_m_s: float) -> float:
+    """Return the permitted share of a motion; infinite for one too slow for a float."""
+    return permitted_m_s / speed_m_s if speed_m_s > 0.0 else math.inf
 
 
 def points_in_reach(

@@ -315,7 +315,7 @@ def read_scan(
         share,
         has_returned,
         known,
-        is_open and not (has_returned and _is_heard(view, moment, lidar.profile)),
+        is_open and not (has_returned and _is_heard(view, rays, moment, lidar.profile)),
         0 if before is None else max(0, before.geometry.beams - geometry.beams),
     )
 
@@ -461,9 +461,9 @@ def _heard(returned_s: Floats, returned_m: Floats, moment: Moment, profile: Lida
     )
 
 
-def _is_heard(view: View, moment: Moment, profile: LidarProfile) -> bool:
-    """Return whether every beam had a return lately."""
-    return bool(_heard(view.returned_s, view.returned_m, moment, profile).all())
+def _is_heard(view: View, rays: Rays, moment: Moment, profile: LidarProfile) -> bool:
+    """Return whether every beam outside the masked sectors had a return lately."""
+    return bool((_heard(view.returned_s, view.returned_m, moment, profile) | ~rays.looking).all())
 
 
 def _lost(

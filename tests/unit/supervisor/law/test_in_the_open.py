@@ -10,6 +10,7 @@ from supervisor.law.decision import Mode
 from supervisor.law.lidar import PROFILES
 from supervisor.law.model import LawConfig
 from supervisor.law.reckoning import Velocity
+from supervisor.law.scan import Mount
 from tests.unit.supervisor.law.law_harness import (
     ANY_AGE,
     BEAMS,
@@ -75,6 +76,26 @@ def test_the_configuration_names_the_speed() -> None:
     law = in_a_field(replace(OPEN, open_m_s=0.2))
     assert law.drive(FAST).output == pytest.approx(Velocity(0.2, 0.0))
     assert "0.2 m/s" in law.decision.detail
+
+
+@pytest.mark.parametrize("asked", [Velocity(0.0, 5e-324), Velocity(5e-324, 0.0), Velocity(-5e-324, 5e-324)])
+def test_a_motion_too_slow_for_a_float_is_no_error(asked: Velocity) -> None:
+    law = in_a_field(replace(OPEN, shown_m_s2=math.inf))
+    assert law.drive(asked).output == pytest.approx(NEUTRAL)
+
+
+def test_masked_beams_need_no_return_in_the_open() -> None:
+    """The others have returned: silence there is proven, and not only assumed."""
+    masked = Mount(masked_rad=((1.0, 2.0),))
+    law = Law(with_lidar(OPEN, mount=masked), room_m=11.9)
+    law.drive(FAST)
+    for count in range(BEAMS, 0, -10):
+        law.ranges[count - 10 :] = math.inf
+        law.tick(("teleop", FAST))
+    law.hold(0.5, ("teleop", NEUTRAL))
+    scan = law.state.sight.lidars[0].scan
+    assert scan is not None
+    assert not scan.is_assumed
 
 
 def test_a_tighter_limit_is_the_one_that_is_named() -> None:

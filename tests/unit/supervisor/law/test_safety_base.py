@@ -384,7 +384,7 @@ def test_a_base_of_which_nothing_is_known_drives_half_a_metre_per_second(command
     assert decision.output.angular_rad_s == pytest.approx(share * command.angular_rad_s), (
         "the arc keeps its shape"
     )
-    assert decision.detail == "one stop from 0.4 m/s measures the base; or set deceleration_m_s2"
+    assert decision.detail == "stop once from 0.4 m/s or more, or set deceleration_m_s2"
 
 
 def test_a_base_of_which_nothing_is_known_turns_so_fast_that_its_rim_moves_as_fast() -> None:
@@ -460,7 +460,7 @@ def test_a_base_that_brakes_worse_than_configured_is_weak_from_its_first_stop(
     law = Law(room_m=6.0)
     decision = stops_with(law, 1.0, speed_m_s, turn_rad_s)
     assert (decision.mode, decision.limit, decision.causes) == (Mode.READY, Limit.BASE_WEAK, ())
-    assert decision.detail == "the base brakes with 1.00 m/s², configured are 1.50"
+    assert decision.detail == "the base brakes with 1.00 m/s² instead of 1.50"
     tick(law, FORWARD, STANDSTILL)
     assert (law.decision.mode, law.decision.limit) == (Mode.DRIVING, Limit.BASE_WEAK)
 
@@ -537,10 +537,10 @@ def test_a_base_that_reacts_as_configured_or_sooner_is_not_late() -> None:
 
 def test_a_late_base_is_named_with_both_numbers() -> None:
     late = replace(CONFIG, base_dead_time_s=0.05, shown_dead_s=0.15)
-    assert weakness(late) == "the base slows down after 0.15 s, configured are 0.05"
+    assert weakness(late) == "the base slows down after 0.15 s instead of 0.05"
     both = replace(late, shown_m_s2=1.0)
     assert weakness(both) == (
-        "the base brakes with 1.00 m/s², configured are 1.50, and slows down after 0.15 s, configured are 0.05"
+        "the base brakes with 1.00 m/s² instead of 1.50, and slows down after 0.15 s instead of 0.05"
     )
 
 
