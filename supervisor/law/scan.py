@@ -202,6 +202,8 @@ class Moment:
     """Upper bound of the distance that any point of the hull has moved since the start, measured or commanded."""
     proven_m: float
     """The same distance without what was commanded so recently that the base need not have followed."""
+    stopped: bool = False
+    """Whether zero is commanded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,7 +291,7 @@ def read_scan(
         problem = "no return since the start; set works_in_the_open = true if that is normal here"
     far_m = hull.radius_m + reach_m + math.hypot(lidar.mount.x_m, lidar.mount.y_m)
     known, counts_m = surfaces(
-        _known_surfaces(previous, geometry),
+        _known_surfaces(previous, geometry, moment),
         distance_m,
         hit,
         geometry.increment,
@@ -320,11 +322,11 @@ def read_scan(
     )
 
 
-def _known_surfaces(previous: ScanReading | None, geometry: Geometry) -> Surfaces:
-    """Return the noise and the means of earlier scans; without means if its beams look elsewhere."""
+def _known_surfaces(previous: ScanReading | None, geometry: Geometry, moment: Moment) -> Surfaces:
+    """Return the noise and the means of earlier scans; without means while the base is commanded to move, or if the beams look elsewhere."""
     if previous is None:
         return Surfaces()
-    if previous.view is None or previous.view.geometry != geometry:
+    if previous.view is None or previous.view.geometry != geometry or not moment.stopped:
         return previous.surfaces._replace(mean_m=NOTHING)
     return previous.surfaces
 

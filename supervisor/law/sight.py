@@ -118,7 +118,7 @@ def see(sight: Sight, config: LawConfig, scan: LaserScan, base: Base) -> Sight:
         return _with(sight, place, state)
     period_s = lidar.timeout_s if before is None else min(lidar.timeout_s, max(0.0, taken_s - before.taken_s))
     pose = back_then(base.odometers, base.odometer, taken_s)
-    moment = Moment(taken_s, period_s, pose, base.way_m, base.proven_way_m)
+    moment = Moment(taken_s, period_s, pose, base.way_m, base.proven_way_m, base.stopped_s is not None)
     agreement = repeat(state.agreement, before, scan, None if base.odometry is None else pose)
     state = state._replace(agreement=agreement)
     reading = read_scan(

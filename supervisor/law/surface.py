@@ -15,9 +15,9 @@ brings no new sample. With the noise σ of one reading, n scans and the m beams 
 The second term keeps a post of four beams in front of a wall. If no pair agrees, the beam shows an edge, a thin object or an outlier.
 Then its reading counts as it is while the robot moves, and its own mean minus 2σ/√n while the robot rests.
 
-σ is measured at rest, by how far readings are from the means of the readings before, on near beams if they suffice. What stands still is no noise, however
-jagged it is, and the median leaves out what moves. Below `LEAST_NOISE_M`, and until the robot has rested near something, all
-readings count as they are.
+σ is measured at rest, by the change of a reading against the mean of those before, compared with the changes of two neighbours.
+What stands still is no noise, however jagged it is, nor is a smooth change, as when the robot moves and odometry does not show it. The
+median leaves out edges that move. Below `LEAST_NOISE_M`, and until the robot has rested, all readings count as they are.
 """
 
 import math
@@ -49,7 +49,7 @@ TOLERATED_M = 0.0125
 distance tolerates."""
 
 PAIR_SHARE = math.sqrt(1.5)
-"""Standard deviation of the difference between a reading and a pair, in σ."""
+"""Standard deviation of the difference between a reading and the mean of its two neighbours, in σ."""
 
 EXPLAINED = 4.0 * PAIR_SHARE
 """Noise explains a difference of up to this many σ."""
@@ -62,7 +62,7 @@ IN_MOTION: Floats = np.append(0.0, AT_REST[1:])
 """Standard errors of one beam that are subtracted, by the number of agreeing pairs."""
 
 MEDIAN_SHARE = 0.6745
-"""Half of all readings are within this many σ of their mean."""
+"""Half of all values are within this many standard deviations of their mean."""
 
 FEWEST = 20
 """The noise is not measured with fewer beams."""
@@ -122,7 +122,7 @@ def surfaces(
     raw_m = np.where(hit, distance_m, math.nan)
     if len(before.mean_m) and max(map(abs, between(before.pose, pose))) < REST:
         change_m = raw_m - before.mean_m
-        noise_m, measurements = _measured(before, change_m, raw_m < near_m)
+        noise_m, measurements = _measured(before, change_m, raw_m < near_m, step_rad)
         fits = np.abs(change_m) <= EXPLAINED * noise_m
         seen = np.minimum(before.seen, MOST_SCANS - 1.0) * fits + 1.0
         mean_m = np.where(fits, before.mean_m + change_m / seen, raw_m)
@@ -136,21 +136,25 @@ def surfaces(
     return known, _counts(known.mean_m, error_m, errors, step_rad, smallest_m, is_round=is_round)
 
 
-def _measured(before: Surfaces, change_m: Floats, near: Mask) -> tuple[float, int]:
+def _measured(before: Surfaces, change_m: Floats, near: Mask, step_rad: float) -> tuple[float, int]:
     """Return the mean of the noise so far and that of a scan at rest [m], and the number of measurements.
 
     Args:
         before: what was known before the scan.
         change_m: (n,) difference between each reading and the mean of those before [m]; NaN if either has no return.
         near: (n,) the beams with a near return.
+        step_rad: angle between two beams.
     """
-    known = ~np.isnan(change_m)
-    near = known & near
-    beams = near if np.count_nonzero(near) >= FEWEST else known
-    if np.count_nonzero(beams) < FEWEST:
+    beside, _ = _spacing(step_rad)
+    middle = slice(beside, -beside)
+    off_m = np.abs(change_m[middle] - 0.5 * (change_m[: -2 * beside] + change_m[2 * beside :]))
+    off_m /= np.sqrt(1.0 + 1.0 / before.seen[middle])
+    known = ~np.isnan(off_m)
+    close = known & near[middle]
+    sorted_m = np.sort(off_m[close if np.count_nonzero(close) >= FEWEST else known])
+    if len(sorted_m) < FEWEST:
         return before.noise_m, before.measurements
-    spread_m = np.sort(np.abs(change_m[beams]) / np.sqrt(1.0 + 1.0 / before.seen[beams]))
-    noise_m = min(spread_m.item(len(spread_m) // 2) / MEDIAN_SHARE, MOST_NOISE_M)
+    noise_m = min(sorted_m.item(len(sorted_m) // 2) / (MEDIAN_SHARE * PAIR_SHARE), MOST_NOISE_M)
     number = before.measurements + 1
     return before.noise_m + (noise_m - before.noise_m) / min(number, MEASUREMENTS), number
 

@@ -559,7 +559,7 @@ def test_at_start_no_return_is_believed_only_of_sensors_that_say_it_reliably(*, 
 
 # --- surfaces instead of single readings (surface.py)
 
-NOISY = Surfaces(0.01, scans=1)
+NOISY = Surfaces(0.01, 1)
 
 
 def test_what_is_around_is_at_the_distances_that_count_and_free_space_at_the_readings() -> None:
@@ -569,7 +569,7 @@ def test_what_is_around_is_at_the_distances_that_count_and_free_space_at_the_rea
     assert reading.around.clearance_m == pytest.approx(np.full(BEAMS, 0.35 - nearer_m), abs=1e-3)
     assert reading.nearest_m == pytest.approx(0.35 - nearer_m, abs=1e-3)
     assert free_m(reading) == pytest.approx(0.6)
-    assert reading.surfaces.scans == 2
+    assert reading.surfaces.measurements == 2
 
 
 def test_the_ends_of_half_a_turn_are_no_neighbours() -> None:

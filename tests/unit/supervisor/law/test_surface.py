@@ -24,6 +24,7 @@ STEP_RAD = 2 * math.pi / BEAMS
 HERE = Pose(0.0, 0.0, 0.0)
 NOISE_M = 0.01
 NOISY = Surfaces(NOISE_M, 1)
+ALTERNATING = np.resize([1.0, -1.0], BEAMS)
 SMALLEST_M = 0.4
 """Three beams, each a degree from the next, up to 7.6 m away."""
 
@@ -322,8 +323,8 @@ def test_the_mean_of_25_measurements_counts() -> None:
     ranges = np.full(BEAMS, 1.0)
     for before, measurements, share in ((0.0, 0, 1.0), (0.0, 1, 1 / 2), (0.01, 2, 1 / 3), (0.0, 400, 1 / 25)):
         state = Surfaces(before, measurements, HERE, ranges, np.ones(BEAMS))
-        state, _ = read(ranges + 0.005, state)
-        once_m = 0.005 / math.sqrt(2.0) / 0.6745
+        state, _ = read(ranges + 0.005 * ALTERNATING, state)
+        once_m = 0.01 / math.sqrt(2.0) / (0.6745 * math.sqrt(1.5))
         assert state.noise_m == pytest.approx(before + (once_m - before) * share)
         assert state.measurements == measurements + 1
     assert MEASUREMENTS == 25
@@ -332,17 +333,34 @@ def test_the_mean_of_25_measurements_counts() -> None:
 def test_the_newest_reading_differs_from_the_mean_of_n_by_the_error_of_both() -> None:
     ranges = np.full(BEAMS, 1.0)
     state = Surfaces(0.0, 0, HERE, ranges, np.full(BEAMS, 4.0))
-    state, _ = read(ranges - 0.005, state)
-    assert state.noise_m == pytest.approx(0.005 / math.sqrt(1.25) / 0.6745)
+    state, _ = read(ranges + 0.005 * ALTERNATING, state)
+    assert state.noise_m == pytest.approx(0.01 / math.sqrt(1.25) / (0.6745 * math.sqrt(1.5)))
 
 
-def test_half_of_the_readings_decide_and_the_other_half_may_move() -> None:
-    ranges, moving = np.full(41, 1.0), np.full(41, 1.0)
-    state = Surfaces(0.0, 0, HERE, ranges, np.ones(41))
-    moving[:20] = 2.0
-    assert read(moving, state)[0].noise_m == 0.0
-    moving[20] = 2.0
-    assert read(moving, state)[0].noise_m == MOST_NOISE_M
+def test_half_of_the_beams_decide() -> None:
+    ranges = np.full(43, 1.0)  # 41 beams have two neighbours
+    state = Surfaces(0.0, 0, HERE, ranges, np.ones(43))
+    for edges, noise_m in ((20, 0.0), (21, MOST_NOISE_M)):
+        moving = ranges.copy()
+        moving[:edges] += 0.5 * ALTERNATING[:edges]  # and the first quiet beam has one as its neighbour
+        assert read(moving, state, is_round=False)[0].noise_m == noise_m
+
+
+@pytest.mark.parametrize("change_m", [0.05, -0.5])
+def test_a_smooth_change_is_no_noise(change_m: float) -> None:
+    """The robot moves, and odometry does not show it."""
+    ranges, state = np.full(BEAMS, 2.0), Surfaces()
+    for number in range(5):
+        state, counts_m = read(ranges + number * change_m * np.linspace(0.5, 1.0, BEAMS), state)
+    assert state.noise_m < 1e-9
+    assert (counts_m == ranges + 4 * change_m * np.linspace(0.5, 1.0, BEAMS)).all()
+
+
+def test_the_neighbours_for_the_noise_are_a_degree_apart() -> None:
+    ranges = np.full(3 * BEAMS, 1.0)
+    state = Surfaces(0.0, 0, HERE, ranges, np.ones(3 * BEAMS))
+    blocks = 0.005 * np.repeat(ALTERNATING, 3)
+    assert read(ranges + blocks, state, step_rad=STEP_RAD / 3)[0].noise_m > 0.005
 
 
 def test_what_stands_still_is_no_noise_however_jagged() -> None:
@@ -357,18 +375,18 @@ def test_more_noise_than_any_lidar_has_is_not_believed() -> None:
 
 def test_the_noise_of_near_returns_counts_if_they_suffice() -> None:
     ranges = np.full(BEAMS, 5.0)
-    ranges[:FEWEST] = 1.0
+    ranges[: FEWEST + 1] = 1.0  # the first beam has no neighbour
     noise_m = np.where(ranges == 5.0, 0.02, 0.0)
-    assert at_rest(ranges, noise_m, 10).noise_m == 0.0
+    assert at_rest(ranges, noise_m, 10).noise_m < 0.002
     assert at_rest(ranges, noise_m, 10, near_m=1.0).noise_m > 0.01, "no return is nearer than 1 m"
-    ranges[0] = 5.0
+    ranges[FEWEST] = 5.0
     assert at_rest(ranges, noise_m, 10).noise_m > 0.01, "19 are not enough"
 
 
 def test_the_noise_of_a_few_beams_is_not_measured() -> None:
     state = Surfaces(0.007, 4, HERE, np.full(BEAMS, 1.0), np.ones(BEAMS))
     ranges = np.full(BEAMS, math.inf)
-    ranges[: FEWEST - 1] = 1.0
+    ranges[: FEWEST + 1] = 1.0
     assert read(ranges, state)[0][:2] == (0.007, 4)
-    ranges[FEWEST - 1] = 1.0
+    ranges[FEWEST + 1] = 1.0
     assert read(ranges, state)[0][:2] == (pytest.approx(0.0056), 5)
