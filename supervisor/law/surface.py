@@ -10,10 +10,10 @@ surface ends. Farther away than the smallest obstacle spans three of these beams
 be taken for noise of the wall. While the robot rests, the mean of a beam's last readings replaces its reading, so that waiting
 brings no new sample. With the noise σ of one reading, n scans and the m beams of the surface, the distance that counts is
 
-    min(mean of the m beams - 2σ/√(n·m), mean of the three middle beams - max(0, 2σ/√(n·3) - `TOLERATED_M`))
+    min(mean of the m beams - 2σ/√(n·m), mean of the three middle beams - 2·max(0, σ/√n - `TOLERATED_M`)/√3)
 
 The second term keeps a post of four beams in front of a wall. If no pair agrees, the beam shows an edge, a thin object or an outlier.
-Then its reading counts as it is while the robot moves, and its own mean minus 2σ/√n while the robot rests.
+Then its reading counts minus 2·max(0, σ - `TOLERATED_M`) while the robot moves, and its own mean minus 2σ/√n while the robot rests.
 
 σ is measured at rest, by the change of a reading against the mean of those before, compared with the changes of two neighbours.
 What stands still is no noise, however jagged it is, nor is a smooth change, as when the robot moves and odometry does not show it. The
@@ -44,9 +44,9 @@ They span 6 cm at a distance of 0.6 m."""
 ERRORS = 2.0
 """Standard errors that are subtracted."""
 
-TOLERATED_M = 0.0125
-"""Error of a post in front of a wall that is not subtracted: beside a wall, the robot would stop. About the 1 cm that the stop
-distance tolerates."""
+TOLERATED_M = 0.011
+"""Noise that is not subtracted from a post and from a beam alone: beside a wall, the robot would stop. About the 1 cm by which the
+hull may be nearer than the stop distance."""
 
 PAIR_SHARE = math.sqrt(1.5)
 """Standard deviation of the difference between a reading and the mean of its two neighbours, in σ."""
@@ -182,7 +182,8 @@ def _counts(
     pairs: Counts = np.add.reduce(agree.view(np.int8), dtype=np.int8)
     total_m: Floats = np.add.reduce(off_m)
     surface_m = total_m * WEIGHTS.take(pairs) - error_m * errors.take(pairs)
-    post_m = off_m[0] * WEIGHTS.item(1) - np.maximum(error_m * AT_REST.item(1) - TOLERATED_M, 0.0) * agree[0]
+    excess_m = np.maximum(error_m - TOLERATED_M, 0.0)
+    post_m = off_m[0] * WEIGHTS.item(1) - excess_m * AT_REST.take(np.minimum(pairs, 1))
     return mean_m + np.minimum(surface_m, post_m)
 
 

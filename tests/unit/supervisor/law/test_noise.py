@@ -12,6 +12,7 @@ from supervisor.law.clearance import Block, Kind, survey
 from supervisor.law.reckoning import STANDSTILL, Odometer, Pose, Velocity
 from supervisor.law.sight import LidarState, Sight, is_confirmed
 from tests.scenes.run import Outcome, run
+from tests.scenes.sensing import Ranges
 from tests.scenes.simple import LIDAR, plain_scene
 from tests.scenes.world import World
 from tests.unit.supervisor.law.law_harness import CONFIG, FORWARD, NEUTRAL, Law, ring
@@ -52,15 +53,29 @@ def toward_a_post(
     duration_s: float,
     speed_m_s: float = 1.0,
     wall_m: float = math.inf,
+    beams: int = 360,
 ) -> Outcome:
     """Drive straight at a post 1 m ahead of the hull; with `wall_m`, a wall is so far behind its front."""
-    lidar = replace(LIDAR, noise_m=noise_m)
-    ahead_m = HULL_M + 1.0
-    scene = plain_scene(
-        (ahead_m + radius_m, 0.0, radius_m), lidars=(lidar,), duration_s=duration_s, seed=seed
+    return toward(
+        ((HULL_M + 1.0 + radius_m, 0.0, radius_m),), noise_m, seed, duration_s, speed_m_s, wall_m, beams
     )
+
+
+def toward(
+    posts: tuple[tuple[float, float, float], ...],
+    noise_m: float,
+    seed: int,
+    duration_s: float,
+    speed_m_s: float = 1.0,
+    wall_m: float = math.inf,
+    beams: int = 360,
+) -> Outcome:
+    """Drive straight on at posts; with `wall_m`, a wall is so far behind the front of the last one."""
+    lidar = replace(LIDAR, noise_m=noise_m, beams=beams, angle_increment=2 * math.pi / beams)
+    scene = plain_scene(*posts, lidars=(lidar,), duration_s=duration_s, seed=seed)
     if wall_m < math.inf:
-        world, x_m = scene.world, ahead_m + wall_m + radius_m
+        (x_m, _, radius_m), world = posts[-1], scene.world
+        x_m += wall_m
         world = World(
             np.vstack((world.starts, (x_m, -2.0))),
             np.vstack((world.ends, (x_m, 2.0))),
@@ -117,10 +132,45 @@ def test_ten_minutes_of_rearming_at_every_tick_bring_a_robot_no_nearer(
 
 
 @pytest.mark.parametrize("share", [3.0, 4.0, 6.0])
-def test_a_post_in_front_of_a_wall_that_noise_could_explain_is_kept(share: float) -> None:
+@pytest.mark.parametrize("noise_m", [0.01, 0.03])
+def test_a_post_in_front_of_a_wall_that_noise_could_explain_is_kept(noise_m: float, share: float) -> None:
     """Four beams, at a depth of a few σ: a mean of seven beams would move it by half of that."""
-    outcomes = [toward_a_post(0.02, 0.01, seed, 3.0, wall_m=0.01 * share) for seed in range(6)]
-    assert min(outcome.closest_m for outcome in outcomes) >= 0.285
+    outcomes = [toward_a_post(0.02, noise_m, seed, 3.0, wall_m=noise_m * share) for seed in range(4)]
+    assert min(outcome.closest_m for outcome in outcomes) >= KEPT_M
+
+
+@pytest.mark.parametrize("beams", [120, 180])
+@pytest.mark.parametrize("noise_m", [0.01, 0.03])
+def test_a_post_of_one_beam_in_front_of_a_wall_is_kept(noise_m: float, beams: int) -> None:
+    """Neighbours that see the wall once made it a part of the wall: 0.25 m."""
+    outcomes = [
+        toward_a_post(0.02, noise_m, seed, 4.0, wall_m=4.0 * noise_m, beams=beams) for seed in range(4)
+    ]
+    assert min(outcome.closest_m for outcome in outcomes) >= KEPT_M
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.01])
+@pytest.mark.parametrize(("slat_m", "gap_m", "depth_m"), [(0.04, 0.05, 0.05), (0.05, 0.06, 0.1)])
+def test_a_fence_of_slats_before_a_wall_is_no_noise(
+    slat_m: float, gap_m: float, depth_m: float, noise_m: float
+) -> None:
+    """When neighbours in one scan showed the noise, the fence was noise of 3 cm, and the hull came to 0.265 m."""
+    radius_m = slat_m / 2
+    across = np.arange(-1.0, 1.0, slat_m + gap_m)
+    posts = tuple((HULL_M + 1.0 + radius_m, float(y_m), radius_m) for y_m in across)
+    outcomes = [toward(posts, noise_m, seed, 4.0, wall_m=slat_m + depth_m) for seed in range(2)]
+    assert min(outcome.closest_m for outcome in outcomes) >= KEPT_M
+
+
+@pytest.mark.parametrize("share", [0.001, 0.01])
+def test_noise_that_grows_with_the_square_of_the_distance_brings_a_robot_no_nearer(share: float) -> None:
+    def far_noise(at_s: float, _lidar: int, ranges: Ranges) -> Ranges:
+        rng = np.random.default_rng(round(1000.0 * at_s))
+        return (ranges + share * ranges**2 * rng.standard_normal(len(ranges))).astype(np.float32)
+
+    scene = plain_scene((HULL_M + 1.02, 0.0, 0.02), duration_s=4.0)
+    outcome = run(scene, operator=Rearming(Velocity(1.0, 0.0)), spoil=far_noise, stuck_s=math.inf)
+    assert outcome.closest_m >= KEPT_M
 
 
 # --- what latches

@@ -148,17 +148,15 @@ def test_a_post_of_four_beams_stays_before_a_wall_that_noise_could_explain() -> 
     assert counts_m[101:103] == pytest.approx(0.6 - 4.0 * NOISE_M, abs=1e-3)
 
 
-@pytest.mark.parametrize(("noise_m", "less_m"), [(0.01, 0.0), (0.03, 2 * 0.03 / math.sqrt(3.0) - 0.0125)])
-def test_the_error_of_a_post_counts_beyond_what_the_stop_distance_tolerates(
-    noise_m: float, less_m: float
-) -> None:
+@pytest.mark.parametrize(("noise_m", "excess_m"), [(0.01, 0.0), (0.011, 0.0), (0.012, 0.001), (0.03, 0.019)])
+def test_of_a_post_and_of_a_beam_alone_the_noise_beyond_11_mm_counts(noise_m: float, excess_m: float) -> None:
     ranges = np.full(BEAMS, 0.6)
     ranges[100:103] = 0.6 - 4.0 * noise_m
     _, counts_m = read(ranges, NOISY._replace(noise_m=noise_m))
-    assert counts_m[101] == pytest.approx(0.6 - 4.0 * noise_m - less_m, abs=1e-3)
+    assert counts_m[101] == pytest.approx(0.6 - 4.0 * noise_m - 2.0 * excess_m / math.sqrt(3.0), abs=3e-4)
     ranges[[99, 103]] = math.inf
     _, counts_m = read(ranges, NOISY._replace(noise_m=noise_m))
-    assert counts_m[100] == ranges[100], "an edge has no pair"
+    assert counts_m[100] == pytest.approx(ranges[100] - 2.0 * excess_m), "an edge has no pair"
 
 
 def test_where_the_smallest_obstacle_spans_fewer_than_three_beams_no_neighbour_counts() -> None:
