@@ -81,8 +81,9 @@ class LidarSection(Section):
     period_s: Annotated[float, Between(0.002, 2.0)] | None = None
     """Time between two scans; None: the profile's usual period."""
     # A larger value is an error: scans that are half a second old show a past place of the robot.
-    latency_s: Annotated[float, Between(0.0, 0.5)] = 0.0
-    """Constant time from the measurement to the message, which no stamp shows."""
+    latency_s: Annotated[float, Between(0.0, 0.5)] | None = None
+    """Constant time from the measurement to the message, which no stamp shows. None: the profile's, and the timeout counts from
+    the message."""
 
     view_rad: Sector | None = None
     """Angles of the first and the last beam in its own frame; used, like the next two, by `lifeline check` only."""
@@ -112,6 +113,13 @@ class LidarSection(Section):
         """Scan period from the configuration, else from the profile; None if neither has one."""
         timing = self.timing()
         return self.period_s if self.period_s is not None or timing is None else timing.usual_period_s
+
+    def usual_latency_s(self) -> float:
+        """Latency from the configuration, else from the profile; zero if neither has one."""
+        timing = self.timing()
+        if self.latency_s is not None:
+            return self.latency_s
+        return 0.0 if timing is None else timing.latency_s
 
     def contradictions(self, stop_distance_m: float, hull: Hull) -> Iterator[Conflict]:
         """Yield a conflict for each value that does not fit the robot.
@@ -342,7 +350,7 @@ class SupervisorSection(Section):
             if period_s is not None:
                 yield from self.conflicts_of_period(path, lidar, period_s)
             timeout_s = self.scan_timeout_of(lidar)
-            if lidar.latency_s >= timeout_s:
+            if lidar.latency_s is not None and lidar.latency_s >= timeout_s:
                 message = f"must be less than the scan timeout of {timeout_s:g} s, or every scan is too old"
                 yield Conflict((*path, "latency_s"), lidar.latency_s, message)
             if lidar.timeout_s is not None and timeout_s <= 1.0 / self.tick_hz:
@@ -353,7 +361,8 @@ class SupervisorSection(Section):
         self, path: tuple[str | int, ...], lidar: LidarSection, period_s: float
     ) -> Iterator[Conflict]:
         """Yield a conflict if a lidar's timeout is too short for the time between two of its scans."""
-        timeout_s, least_s = self.scan_timeout_of(lidar), PERIODS_IN_TIMEOUT * period_s + lidar.latency_s
+        timeout_s = self.scan_timeout_of(lidar)
+        least_s = PERIODS_IN_TIMEOUT * period_s + (lidar.latency_s or 0.0)
         if timeout_s < least_s - 1e-9:  # rounding error of the product
             where = ("scan_timeout_s",) if lidar.timeout_s is None else (*path, "timeout_s")
             timing = lidar.timing()
@@ -412,6 +421,11 @@ class SupervisorSection(Section):
                 )
         return Contract(sources, lidars, tuple(more_keys), self.station_names())
 
+    def _oldest_s(self, lidar: LidarSection) -> float:
+        """Return the maximum age of a usable scan of a lidar, its latency included."""
+        timeout_s = self.scan_timeout_of(lidar)
+        return timeout_s + lidar.usual_latency_s() if lidar.latency_s is None else timeout_s
+
     def law(self, *, is_base_known: bool = True) -> LawConfig:
         """Return the configuration of the pure law.
 
@@ -423,7 +437,7 @@ class SupervisorSection(Section):
             "sources": tuple(SourceConfig(s.name, s.priority) for s in self.sources),
             "hull": self.footprint.hull(),
             "lidars": tuple(
-                Lidar(s.name, s.mount(), s.readings(), self.scan_timeout_of(s), s.min_beams, s.latency_s)
+                Lidar(s.name, s.mount(), s.readings(), self._oldest_s(s), s.min_beams, s.usual_latency_s())
                 for s in self.all_lidars()
             ),
             "estop_stations": tuple(StationConfig(s.name, s.required) for s in self.estop_stations or ()),

@@ -218,7 +218,7 @@ def numbers_table() -> str:
         (
             "",
             "constant time from a measurement to its message, part of the age of a scan",
-            f"{d.lidar.latency_s:g} s",
+            f"{d.lidar.usual_latency_s():g} s",
             "`latency_s` of a lidar",
         ),
         (
@@ -303,6 +303,7 @@ def profiles_table() -> str:
             "trusted from the start",
             "trusted without a return for",
             "timeout",
+            "latency",
         ),
         [_profile_row(name, profile) for name, profile in PROFILES.items()],
     )
@@ -325,9 +326,13 @@ def _profile_row(name: str, profile: LidarProfile) -> Row:
         if limited
         else "no limit"
     )
-    timeout_s = TIMINGS[name].timeout_s if name in TIMINGS else DEFAULTS.scan_timeout_s
+    timeout_s, latency_s = (
+        (TIMINGS[name].timeout_s, TIMINGS[name].latency_s)
+        if name in TIMINGS
+        else (DEFAULTS.scan_timeout_s, 0.0)
+    )
     start = "yes" if profile.trusts_silence_at_start else "no"
-    return (f"`{name}`", ", ".join(codes) or "none", start, limit, f"{timeout_s:g} s")
+    return (f"`{name}`", ", ".join(codes) or "none", start, limit, f"{timeout_s:g} s", f"{latency_s:g} s")
 
 
 # --- what examples permit

@@ -154,7 +154,9 @@ def _view(lidar: NamedLidarSection, sim: SimSection | None) -> View:
 def stopping(config: SupervisorSection, views: tuple[View, ...]) -> Stopping:
     """Compute the stopping distance from top speed, with the oldest scan in normal operation (slowest lidar)."""
     speed_m_s = config.max_linear_m_s
-    scans_s = 2.0 * max(view.period_s for view in views) + max(one.latency_s for one in config.all_lidars())
+    scans_s = 2.0 * max(view.period_s for view in views) + max(
+        one.usual_latency_s() for one in config.all_lidars()
+    )
     reaction_s = scans_s + config.law().late_s
     braking_m = speed_m_s**2 / (2.0 * config.deceleration_m_s2)
     return Stopping(speed_m_s, reaction_s, speed_m_s * reaction_s, braking_m, config.stop_distance_m)

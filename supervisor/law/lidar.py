@@ -68,22 +68,25 @@ PROFILES = {
 
 @dataclass(frozen=True, slots=True)
 class SensorTiming:
-    """Scan period and timeout of one kind of sensor."""
+    """Scan period, timeout and latency of one kind of sensor."""
 
     usual_period_s: float
     """Longest usual time between two scans."""
     timeout_s: float
     """Maximum age of a usable scan, unless the configuration gives another."""
+    latency_s: float
+    """Mean age of the readings of a turn when the driver sends them: half of the time that the turn takes."""
 
 
 TIMINGS = {
     # Its motor is set to 5.5 to 10 Hz.
-    "rplidar": SensorTiming(0.18, 0.45),
+    "rplidar": SensorTiming(0.18, 0.45, 0.09),
     # 5 Hz, except that single turns take twice as long: with 0.24 s it was stale for 8 to 24 % of the time.
-    "neato_xv": SensorTiming(0.2, 0.45),
-    "hokuyo_urg": SensorTiming(0.1, 0.3),
+    "neato_xv": SensorTiming(0.2, 0.45, 0.1),
+    # It looks at three quarters of a turn.
+    "hokuyo_urg": SensorTiming(0.1, 0.3, 0.04),
     # 15 to 50 Hz, depending on model and resolution.
-    "sick_lms": SensorTiming(0.07, 0.24),
+    "sick_lms": SensorTiming(0.07, 0.24, 0.03),
 }
 """Timing of the profiles that name a sensor; `rep117` has none, because it names a convention."""
 

@@ -211,9 +211,22 @@ def test_all_contradictions_are_named_at_once() -> None:
 def test_a_sensors_profile_brings_its_timeout(profile: str) -> None:
     config = load(lidar={"profile": profile})
     timing = TIMINGS[profile]
-    assert config.law().lidars[0].timeout_s == timing.timeout_s
+    assert config.law().lidars[0].timeout_s == timing.timeout_s + timing.latency_s
     assert config.lidar.usual_period_s() == timing.usual_period_s
     assert timing.timeout_s >= 1.5 * timing.usual_period_s
+
+
+@pytest.mark.parametrize("profile", TIMINGS)
+def test_a_rotating_lidar_is_as_late_as_half_of_its_turn_unless_the_configuration_says_otherwise(
+    profile: str,
+) -> None:
+    """The timeout of the configuration counts from the message; with `latency_s`, from the measurement."""
+    timing = TIMINGS[profile]
+    (lidar,) = load(lidar={"profile": profile, "timeout_s": 0.5}).law().lidars
+    assert (lidar.latency_s, lidar.timeout_s) == (timing.latency_s, 0.5 + timing.latency_s)
+    assert 0.25 * timing.usual_period_s < timing.latency_s <= 0.5 * timing.usual_period_s
+    (lidar,) = load(lidar={"profile": profile, "timeout_s": 0.5, "latency_s": 0.02}).law().lidars
+    assert (lidar.latency_s, lidar.timeout_s) == (0.02, 0.5)
 
 
 def test_every_profile_that_names_a_sensor_has_its_timing() -> None:
@@ -222,7 +235,7 @@ def test_every_profile_that_names_a_sensor_has_its_timing() -> None:
 
 
 def test_a_neato_at_its_own_rate_is_not_stale() -> None:
-    assert load(lidar={"profile": "neato_xv"}).law().lidars[0].timeout_s == 0.45
+    assert load(lidar={"profile": "neato_xv"}).law().lidars[0].timeout_s == pytest.approx(0.55)
 
 
 def test_a_timeout_that_is_given_counts_before_the_profiles_and_the_lidars_own_before_both() -> None:
