@@ -14,7 +14,7 @@ from pathlib import Path
 
 from supervisor.base_record import BaseFile, BaseRecord
 from supervisor.blackbox.recorder import BlackBox, ThreadWriter
-from supervisor.config import SupervisorSection, fit_to_base, is_base_known
+from supervisor.config import SupervisorSection, fit_to_base, is_base_known, is_simulated
 from supervisor.estop_record import EstopRecord, RecordFiles, record_path
 from supervisor.law.model import LawConfig
 from supervisor.service import SupervisorService
@@ -72,7 +72,7 @@ def main() -> None:
         sections = read_sections(document, models, fit_to_base)
         bus_section, config = sections[BusSection], sections[SupervisorSection]
         contract = config.contract(bus_section.more_keys)
-        law = config.law(is_base_known=is_base_known(document))
+        law = config.law(is_base_known=is_base_known(document), are_mounts_known=is_simulated(document))
         recorder, directory = black_box(config, law), state_directory()
     except ConfigError as error:
         refuse("supervisor", error)

@@ -1,10 +1,10 @@
-"""What the base has shown of its brakes and its dead time, kept across restarts of the supervisor.
+"""What motion has shown of the robot, kept across restarts of the supervisor: brakes and dead time, and the mounting of the lidars.
 
-`BaseFile` stores the results of the last stops in the state directory, beside the e-stop record:
+`BaseFile` stores this in the state directory, beside the e-stop record:
 
     base-robot.json   of the namespace `robot`, with a hash of the law's configuration
 
-A file that is damaged, or of another configuration, is ignored with one sentence: the base then counts as not measured.
+A file that is damaged, or of another configuration, is ignored with one sentence: nothing then counts as measured.
 `BaseRecord` reads and writes it on a thread of its own, so that no call waits for the disk after the start. A file that cannot
 be written is a warning and no stop: the present supervisor still knows the results.
 """
@@ -19,7 +19,7 @@ import stat
 import threading
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 from supervisor.law.base_braking import (
     GREATEST_M_S2,
@@ -42,6 +42,15 @@ READ_LIMIT_S = 1.0
 CLOSE_LIMIT_S = 0.5
 
 
+class Shown(NamedTuple):
+    """What motion has shown of a robot."""
+
+    braking: Braking = UNMEASURED
+    """What the base has shown at its stops."""
+    mounts_confirmed: bool = False
+    """Whether the scans of every lidar have agreed with a translation and a rotation."""
+
+
 def hash_of(law: LawConfig) -> str:
     """Return a hash of the configuration of the law, without what the law has measured."""
     configured = replace(law, shown_m_s2=math.inf, shown_dead_s=0.0)
@@ -49,7 +58,7 @@ def hash_of(law: LawConfig) -> str:
 
 
 class BaseFile:
-    """The results of one robot in one directory. All calls may block on the disk.
+    """What motion has shown of one robot, in one directory. All calls may block on the disk.
 
     Args:
         directory: created if it is missing.
@@ -62,8 +71,8 @@ class BaseFile:
         self.path = directory / f"base-{namespace}.json"
         self._law = hash_of(law)
 
-    def read(self) -> Braking:
-        """Return the results of the last stops; none if there is no file.
+    def read(self) -> Shown:
+        """Return what was shown before; nothing if there is no file.
 
         Raises:
             OSError: the file cannot be read.
@@ -72,7 +81,7 @@ class BaseFile:
         try:
             file = open_own(self.path, os.O_RDONLY | os.O_NONBLOCK)
         except FileNotFoundError:
-            return UNMEASURED
+            return Shown()
         with open(file, "rb") as opened:  # noqa: PTH123 - a descriptor
             if not stat.S_ISREG(os.fstat(file).st_mode):
                 raise ValueError("it is no file")
@@ -82,7 +91,7 @@ class BaseFile:
             raise ValueError(refused)
         return self._parse(content)
 
-    def write(self, braking: Braking) -> None:
+    def write(self, shown: Shown) -> None:
         """Replace the file atomically and durably.
 
         Raises:
@@ -96,8 +105,9 @@ class BaseFile:
         document = {
             "format": FORMAT,
             "law": self._law,
-            "braking_m_s2": braking.shown_m_s2,
-            "dead_time_s": braking.shown_dead_s,
+            "braking_m_s2": shown.braking.shown_m_s2,
+            "dead_time_s": shown.braking.shown_dead_s,
+            "mounts_confirmed": shown.mounts_confirmed,
         }
         new = self.path.with_suffix(".new")
         new.unlink(missing_ok=True)  # what has its name may be a link, or a pipe that blocks
@@ -112,7 +122,7 @@ class BaseFile:
         finally:
             os.close(directory)
 
-    def _parse(self, content: bytes) -> Braking:
+    def _parse(self, content: bytes) -> Shown:
         if len(content) > MAX_BYTES:
             raise ValueError("it is too long")
         try:
@@ -124,10 +134,11 @@ class BaseFile:
             raise ValueError("it has another format")
         if values.get("law") != self._law:
             raise ValueError("it was measured with another configuration")
-        return UNMEASURED._replace(
+        braking = UNMEASURED._replace(
             shown_m_s2=_numbers(values.get("braking_m_s2"), LEAST_M_S2, GREATEST_M_S2),
             shown_dead_s=_numbers(values.get("dead_time_s"), 0.0, LONGEST_DEAD_S),
         )
+        return Shown(braking, values.get("mounts_confirmed") is True)
 
 
 def _open_private(path: str, flags: int) -> int:
@@ -147,35 +158,37 @@ def _numbers(value: object, least: float, most: float) -> tuple[float, ...]:
     return tuple(good)
 
 
+def _results(shown: Shown) -> tuple[object, ...]:
+    """Return what is kept in the file."""
+    return shown.braking.shown_m_s2, shown.braking.shown_dead_s, shown.mounts_confirmed
+
+
 class BaseRecord:
-    """The results on a disk, read at the start and written by a thread after each measured stop."""
+    """What motion has shown, on a disk: read at the start, and written by a thread whenever it has shown more."""
 
     def __init__(self, file: BaseFile, *, read_limit_s: float = READ_LIMIT_S) -> None:
         """Read the results.
 
         Args:
             file: the storage of the results.
-            read_limit_s: the maximum time for this; after it, the base counts as not measured.
+            read_limit_s: the maximum time for this; after it, nothing counts as measured.
         """
         self._file = file
         # Its `put` never blocks: it takes no lock that a descheduled thread could hold.
-        self._orders: queue.SimpleQueue[Braking | None] = queue.SimpleQueue()
-        self._found = UNMEASURED
+        self._orders: queue.SimpleQueue[Shown | None] = queue.SimpleQueue()
+        self._found = Shown()
         self._was_read, self._ended = threading.Event(), threading.Event()
         threading.Thread(target=self._run, name="base record", daemon=True).start()
         if not self._was_read.wait(read_limit_s):
-            _log.warning(
-                "%s was not read within %g s: the base counts as not measured", file.path, read_limit_s
-            )
+            _log.warning("%s was not read within %g s: nothing counts as measured", file.path, read_limit_s)
         self.at_start = self._kept = self._found
-        """What the base has shown before this start."""
+        """What was shown before this start."""
 
-    def keep(self, braking: Braking) -> None:
-        """Have new results written. It never blocks, and does nothing unless a stop was measured."""
-        kept = self._kept
-        if braking.shown_m_s2 is not kept.shown_m_s2 or braking.shown_dead_s is not kept.shown_dead_s:
-            self._kept = braking
-            self._orders.put(braking)
+    def keep(self, shown: Shown) -> None:
+        """Have new results written. It never blocks, and does nothing unless there is one."""
+        if _results(shown) != _results(self._kept):
+            self._kept = shown
+            self._orders.put(shown)
 
     def close(self) -> None:
         """Let the thread write the newest results."""
@@ -189,21 +202,19 @@ class BaseRecord:
             self._found = self._file.read()
         except Exception as error:  # noqa: BLE001 - after any error, nothing is known of the base
             said = printable(str(error))
-            _log.warning("%s is ignored, so the base counts as not measured: %s", self._file.path, said)
+            _log.warning("%s is ignored, so nothing counts as measured: %s", self._file.path, said)
         self._was_read.set()
         problem = ""
-        while (braking := self._orders.get()) is not None:
-            before, problem = problem, self._write(braking)
+        while (shown := self._orders.get()) is not None:
+            before, problem = problem, self._write(shown)
             if problem and problem != before:
-                _log.warning(
-                    "what the base has shown at its stops is lost at the next start: %s", printable(problem)
-                )
+                _log.warning("what motion has shown is lost at the next start: %s", printable(problem))
         self._ended.set()
 
-    def _write(self, braking: Braking) -> str:
+    def _write(self, shown: Shown) -> str:
         """Write, and return why this failed; empty if it did not."""
         try:
-            self._file.write(braking)
+            self._file.write(shown)
         except Exception as error:  # noqa: BLE001 - supervision continues
             return str(error) or type(error).__name__
         return ""

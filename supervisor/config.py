@@ -235,6 +235,8 @@ class SupervisorSection(Section):
     # From the width of a cord to that of a person's body.
     smallest_obstacle_m: Annotated[float, Between(0.005, 0.5)] = 0.04
     unseen_memory_s: Memory = 0.0
+    mounts_confirmed: bool = False
+    """Whether a person has checked where each lidar looks; if not, motion must confirm it before the robot drives faster."""
     works_in_the_open: bool = False
     # Faster, a robot whose lidar is covered would not be stopped by its bumper.
     open_m_s: Annotated[float, Between(0.05, 1.0)] = 0.5
@@ -426,11 +428,12 @@ class SupervisorSection(Section):
         timeout_s = self.scan_timeout_of(lidar)
         return timeout_s + lidar.usual_latency_s() if lidar.latency_s is None else timeout_s
 
-    def law(self, *, is_base_known: bool = True) -> LawConfig:
+    def law(self, *, is_base_known: bool = True, are_mounts_known: bool = True) -> LawConfig:
         """Return the configuration of the pure law.
 
         Args:
             is_base_known: whether the configuration describes the base; if not, it is slow until a stop has measured it.
+            are_mounts_known: whether the mounts of the lidars are known to be right; if not, it is slow until motion confirms them.
         """
         same = {f.name: getattr(self, f.name) for f in fields(LawConfig) if f.name in type(self).model_fields}
         own: dict[str, Any] = {
@@ -442,6 +445,7 @@ class SupervisorSection(Section):
             ),
             "estop_stations": tuple(StationConfig(s.name, s.required) for s in self.estop_stations or ()),
             "unmeasured_m_s": math.inf if is_base_known else UNMEASURED_M_S,
+            "unconfirmed_m_s": math.inf if are_mounts_known or self.mounts_confirmed else UNCONFIRMED_M_S,
         }
         return LawConfig(**(same | own))
 
@@ -453,14 +457,19 @@ UNMEASURED_M_S = 0.5
 touch. More than the 0.4 m/s from which a stop measures it."""
 
 
-def is_base_known(document: Mapping[str, Any]) -> bool:
-    """Return whether a configuration describes how the base brakes: itself, or because it means the simulated base.
+UNCONFIRMED_M_S = 0.3
+"""Fastest speed of the hull until motion has confirmed where the lidars look: at 0.5 m/s, a lidar that is turned by 180 degrees was found
+after 0.62 m."""
 
-    Args:
-        document: the configuration, with valid sections; one that describes no robot means the simulated one.
-    """
-    describes_robot = "supervisor" in document or "ros2" in document
-    return not describes_robot or "sim" in document or "deceleration_m_s2" in document.get("supervisor", {})
+
+def is_simulated(document: Mapping[str, Any]) -> bool:
+    """Return whether a configuration, with valid sections, means the simulated robot: it says so, or describes no robot."""
+    return "sim" in document or not ("supervisor" in document or "ros2" in document)
+
+
+def is_base_known(document: Mapping[str, Any]) -> bool:
+    """Return whether a configuration describes how the base brakes: itself, or because it means the simulated base."""
+    return is_simulated(document) or "deceleration_m_s2" in document.get("supervisor", {})
 
 
 TICKS_IN_BASE_TIMEOUT = 2.0

@@ -12,17 +12,17 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 
-from supervisor.base_record import BaseRecord
+from supervisor.base_record import BaseRecord, Shown
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import NO_DISK, PRESSED, MemoryRecord, Record
-from supervisor.law.base_braking import UNMEASURED
 from supervisor.law.decision import Decision, Mode
 from supervisor.law.estop_stations import Presence, TokenEnd
 from supervisor.law.interlock import Reply
 from supervisor.law.model import Inputs, LawConfig, Liveliness
 from supervisor.law.safety import initial_state, runs_out_s, step
 from supervisor.law.scan import LaserScan
+from supervisor.law.sight import mounts_confirmed
 from supervisor.law.state import State
 from supervisor.messages import (
     ForeignNodes,
@@ -69,7 +69,7 @@ class SupervisorService:
         suspended_s: returns how long the machine was suspended since the last call [s].
         notifier: reports that the loop runs, after each decision; None reports nothing.
         law: the configuration of the law; None: that of `config`, which then describes the base.
-        base_record: keeps what the base shows at its stops across restarts; None keeps nothing.
+        base_record: keeps what motion shows of the robot across restarts; None keeps nothing.
     """
 
     def __init__(
@@ -92,10 +92,12 @@ class SupervisorService:
         self._status_s = 1.0 / config.status_hz
         self._loop = asyncio.get_running_loop()
         self._base_record = base_record
+        shown = Shown() if base_record is None else base_record.at_start
         self._state = initial_state(
             law or config.law(),
             estop=self._estop_record.latched_at_start,
-            braking=UNMEASURED if base_record is None else base_record.at_start,
+            braking=shown.braking,
+            mounts_confirmed=shown.mounts_confirmed,
         )
         self._turns = Turns(self._turn, self._has_news)
         self._next_tick_s = 0.0
@@ -186,7 +188,7 @@ class SupervisorService:
         if challenge:
             self._challenge(decision, challenge)
         if self._base_record is not None:
-            self._base_record.keep(self._state.base.braking)
+            self._base_record.keep(Shown(self._state.base.braking, mounts_confirmed(self._state.sight)))
         if self._black_box is not None:
             self._black_box.record(now_s, inputs, before, decision)
         self._notifier.running(now_s)  # last: a turn that hangs anywhere reports nothing

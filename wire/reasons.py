@@ -35,6 +35,7 @@ class Limit(StrEnum):
     BASE_UNMEASURED = "BASE_UNMEASURED"
     BASE_WEAK = "BASE_WEAK"
     IN_THE_OPEN = "IN_THE_OPEN"
+    MOUNT_UNCONFIRMED = "MOUNT_UNCONFIRMED"
 
 
 SEVERITY = {reason: rank for rank, reason in enumerate(StopReason)}
@@ -188,6 +189,12 @@ LIMIT_WORDS: Mapping[Limit, Words] = {
         over="a lidar had hardly any return",
         caption="hardly any return",
         step="drive slowly, or where the lidar has returns",
+    ),
+    Limit.MOUNT_UNCONFIRMED: Words(
+        now="no motion has confirmed yet where the lidars look",
+        over="no motion had confirmed where the lidars look",
+        caption="lidar mounting not confirmed",
+        step="drive straight on and turn, with walls in sight",
     ),
 }
 

@@ -8,7 +8,8 @@ mount give the lidar's own motion: they place each new return among the old ones
 returns there. If it mostly does not, the lidar may be mounted other than configured, or odometry may have a wrong sign. An
 explanation is accepted only if it places nearly all returns among the old ones, and if neither the configuration nor a robot
 that stood still explains them: people who walk, wheels that slip, and odometry with a wrong scale have no explanation here, so
-they stop nothing. `DOUBTS` judgements in a row must agree on one.
+they stop nothing. `DOUBTS` judgements in a row must agree on one. Judgements that confirm the configuration rule the other explanations
+out: those that their motion can tell from it. A translation and a rotation rule out all; the mounting is then confirmed.
 
 Points of a plane are complex numbers [m]. A rotating lidar measures its beams one after the other; at a steady twist, both scans are
 skewed alike.
@@ -91,6 +92,9 @@ COMBINED = frozenset({Explanation.MIRRORED_TURNED, Explanation.BOTH_SIGNS})
 """Two mistakes at once; not named where one of them explains the same."""
 
 
+MISTAKES = frozenset(Explanation) - {Explanation.CONFIGURED}
+
+
 class Shift(NamedTuple):
     """A pose of the lidar in its own frame at the reference scan."""
 
@@ -109,6 +113,8 @@ class Agreement(NamedTuple):
     """Number of consecutive judgements with the same explanations, other than the configuration."""
     explanations: frozenset[Explanation] = frozenset()
     """What explained each of these judgements."""
+    not_ruled_out: frozenset[Explanation] = MISTAKES
+    """The mistakes of mounting and odometry that no judgement has ruled out yet."""
     rests: int = 0
     """Number of consecutive scans at rest that showed noise, up to `RESTS`."""
     repeated: Mask | None = None
@@ -147,6 +153,7 @@ def agree(agreement: Agreement, view: View, mount: Mount) -> Agreement:
         return agreement
     again = found & agreement.explanations
     if Explanation.CONFIGURED in found:
+        agreement = agreement._replace(not_ruled_out=agreement.not_ruled_out & found)
         return agreement if again else agreement._replace(doubts=0, explanations=frozenset())
     if agreement.doubts >= DOUBTS:
         return agreement

@@ -85,6 +85,7 @@ def detail_of(
         return {
             Limit.BASE_WEAK: weakness,
             Limit.BASE_UNMEASURED: f"stop once from {LEAST_SPEED_M_S:g} m/s or more, or set deceleration_m_s2",
+            Limit.MOUNT_UNCONFIRMED: "to confirm it, drive straight on and turn, with walls in sight",
             Limit.IN_THE_OPEN: f"open_m_s permits {open_m_s:g} m/s while a lidar is silent",
             Limit.COMMAND_AGE: "blind_budget_m permits less than this speed"
             if is_too_fast

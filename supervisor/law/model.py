@@ -76,6 +76,8 @@ class LawConfig:
     """How long the base drives on without a command; zero in recordings that do not have it."""
     unmeasured_m_s: float = math.inf
     """Fastest speed until a stop has measured the base; finite if the configuration does not describe the base."""
+    unconfirmed_m_s: float = math.inf
+    """Fastest speed of the hull until motion has confirmed the mounting of every lidar; infinite if the configuration does."""
     shown_m_s2: float = math.inf
     """Deceleration that the base has shown in its last stops; infinite before the first. No setting: the law measures it."""
     shown_dead_s: float = 0.0

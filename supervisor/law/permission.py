@@ -14,7 +14,7 @@ from supervisor.law.clearance import Barrier, Block, permitted_scale
 from supervisor.law.model import LawConfig
 from supervisor.law.reach import KnownPoints, Place, in_reach
 from supervisor.law.reckoning import Velocity
-from supervisor.law.sight import Sight, Usable, is_assumed
+from supervisor.law.sight import Sight, Usable, is_assumed, mounts_confirmed
 from supervisor.law.transition import along, is_on_another_arc, lags, mixtures
 
 PRESENT_SHARE = 0.95
@@ -46,6 +46,13 @@ def measured(commanded: Velocity, config: LawConfig) -> float:
     if math.isfinite(config.shown_m_s2):
         return math.inf
     return _share(config.unmeasured_m_s, config.rim_speed_m_s(commanded))
+
+
+def confirmed(sight: Sight, commanded: Velocity, config: LawConfig) -> float:
+    """Return the share of a motion that is permitted while the mounting of a lidar is not confirmed; infinite after that."""
+    if mounts_confirmed(sight):
+        return math.inf
+    return _share(config.unconfirmed_m_s, config.hull_speed_m_s(commanded))
 
 
 def in_the_open(scans: Usable, commanded: Velocity, config: LawConfig) -> float:

@@ -21,6 +21,7 @@ from dataclasses import replace
 from supervisor.law import base as bases
 from supervisor.law import interlock as interlocks
 from supervisor.law import sight as sights
+from supervisor.law.agreement import Agreement
 from supervisor.law.base import Base
 from supervisor.law.base_braking import UNMEASURED, Braking
 from supervisor.law.clearance import Block, Kind
@@ -28,7 +29,7 @@ from supervisor.law.decision import Decision, Mode, by_severity, detail_of
 from supervisor.law.estop_stations import detail_of as detail_of_stations
 from supervisor.law.interlock import BARRIER_REASONS, Reply
 from supervisor.law.model import Inputs, LawConfig, Reasons
-from supervisor.law.permission import barrier, in_the_open, measured, points_in_reach, renewed
+from supervisor.law.permission import barrier, confirmed, in_the_open, measured, points_in_reach, renewed
 from supervisor.law.reckoning import STANDSTILL, Velocity
 from supervisor.law.sight import LidarState, Sight, Usable
 from supervisor.law.state import Clock, State
@@ -42,15 +43,19 @@ RELEASED_FACTOR = 5.0
 """Hysteresis: a block ends when the barrier would permit this many times the minimum useful speed; readings are noisy."""
 
 
-def initial_state(config: LawConfig, *, estop: bool = False, braking: Braking = UNMEASURED) -> State:
+def initial_state(
+    config: LawConfig, *, estop: bool = False, braking: Braking = UNMEASURED, mounts_confirmed: bool = False
+) -> State:
     """Return the state at the start: stopped, without any command or scan.
 
     Args:
         config: the law's configuration.
         estop: whether an earlier e-stop has not been reset.
         braking: what the base has shown at earlier stops.
+        mounts_confirmed: whether motion has confirmed the mounting of every lidar before.
     """
-    sight = Sight(tuple(LidarState() for _ in config.lidars))
+    agreement = Agreement(not_ruled_out=frozenset()) if mounts_confirmed else Agreement()
+    sight = Sight(tuple(LidarState(agreement=agreement) for _ in config.lidars))
     config = bases.shown_by(braking, config)
     return State(config, interlocks.initial(config, estop=estop), Base(braking=braking), sight, Clock())
 
@@ -169,6 +174,7 @@ def _decide(
             (renewed(now_s - owner.sent_s, commanded, config), Limit.COMMAND_AGE),
             (measured(commanded, config), Limit.BASE_UNMEASURED),
             (in_the_open(usable, commanded, config), Limit.IN_THE_OPEN),
+            (confirmed(sight, commanded, config), Limit.MOUNT_UNCONFIRMED),
         ):
             if permitted < scale:
                 scale, limit = permitted, reduces

@@ -286,6 +286,11 @@ def causes(sight: Sight, config: LawConfig, now_s: float, scans: Usable) -> Iter
         yield StopReason.SENSOR_MISMATCH
 
 
+def mounts_confirmed(sight: Sight) -> bool:
+    """Return whether motion has confirmed the mounting of every lidar."""
+    return not any(lidar.agreement.not_ruled_out for lidar in sight.lidars)
+
+
 def is_assumed(scans: Usable) -> bool:
     """Return whether a lidar's silence counts as free only because the robot works in the open."""
     return any(scan.is_assumed for _, scan in scans)

@@ -32,7 +32,7 @@ async def test_the_first_stop_measures_the_base_also_for_the_next_supervisor(tmp
             assert rig.newest_status.causes == []
             rig.velocity = (0.0, 0.0)
             await rig.pass_time(1.0)
-        shown = record(tmp_path).at_start
+        shown = record(tmp_path).at_start.braking
         assert len(shown.shown_m_s2) == 1
         assert shown.shown_m_s2[0] == pytest.approx(2.0, rel=0.1)
         assert shown.shown_dead_s == (0.0,)

@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supervisor.base_record import FORMAT, MAX_BYTES, BaseFile, BaseRecord, hash_of
+from supervisor.base_record import FORMAT, MAX_BYTES, BaseFile, BaseRecord, Shown, hash_of
 from supervisor.config import SupervisorSection
 from supervisor.law.base_braking import (
     GREATEST_M_S2,
@@ -28,7 +28,13 @@ from supervisor.law.base_braking import (
 )
 
 LAW = SupervisorSection().law()
-SHOWN = Braking(shown_m_s2=(1.2, 1.4), shown_dead_s=(0.0, 0.15))
+SHOWN = Shown(Braking(shown_m_s2=(1.2, 1.4), shown_dead_s=(0.0, 0.15)), mounts_confirmed=True)
+
+
+def with_braking(**changes: object) -> Shown:
+    return SHOWN._replace(braking=SHOWN.braking._replace(**changes))  # type: ignore[arg-type]
+
+
 PATIENCE_S = 20.0
 
 
@@ -58,7 +64,7 @@ def until(condition: Callable[[], bool]) -> None:
 
 
 def test_without_a_file_nothing_is_known(directory: Path) -> None:
-    assert BaseFile(directory, "robot", LAW).read() == UNMEASURED
+    assert BaseFile(directory, "robot", LAW).read() == Shown()
 
 
 def test_what_was_written_is_read_and_only_this_user_may_read_it(directory: Path) -> None:
@@ -70,9 +76,9 @@ def test_what_was_written_is_read_and_only_this_user_may_read_it(directory: Path
     assert [path.name for path in directory.iterdir()] == ["base-robot.json"]
 
 
-def test_only_the_results_of_stops_are_kept(directory: Path) -> None:
+def test_only_results_are_kept(directory: Path) -> None:
     file = BaseFile(directory, "robot", LAW)
-    file.write(SHOWN._replace(mean_m_s=0.7, stopping=True, whole_m=1.0, last_s=5.0))
+    file.write(with_braking(mean_m_s=0.7, stopping=True, whole_m=1.0, last_s=5.0))
     assert file.read() == SHOWN
 
 
@@ -87,14 +93,14 @@ def test_all_results_fit_into_the_file(braking: list[float], dead: list[float]) 
     )
     assert len(content) < MAX_BYTES / 2
     parse = BaseFile(Path("/nowhere"), "robot", LAW)._parse  # pyright: ignore[reportPrivateUsage]
-    assert parse(content.encode()) == shown
+    assert parse(content.encode()) == Shown(shown)
 
 
 def test_a_new_result_replaces_the_file_and_a_leftover_of_an_interrupted_write(directory: Path) -> None:
     file = BaseFile(directory, "robot", LAW)
     file.write(SHOWN)
     file.path.with_suffix(".new").write_text("half")
-    better = SHOWN._replace(shown_m_s2=(2.0,))
+    better = with_braking(shown_m_s2=(2.0,))
     file.write(better)
     assert file.read() == better
     assert len(list(directory.iterdir())) == 1
@@ -133,7 +139,8 @@ def test_the_limits_of_the_results_are_accepted(directory: Path) -> None:
         braking_m_s2=[LEAST_M_S2, GREATEST_M_S2] * (KEPT // 2),
         dead_time_s=[0.0, LONGEST_DEAD_S] * (KEPT // 2),
     )
-    assert len(file.read().shown_m_s2) == len(file.read().shown_dead_s) == KEPT
+    braking = file.read().braking
+    assert len(braking.shown_m_s2) == len(braking.shown_dead_s) == KEPT
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff", b"[" * MAX_BYTES, b" " * (MAX_BYTES + 1)])
@@ -157,7 +164,7 @@ def test_each_part_of_the_configuration_is_part_of_the_hash_and_what_was_measure
 
 def test_the_results_of_another_robot_are_not_read(directory: Path) -> None:
     written(directory)
-    assert BaseFile(directory, "r2", LAW).read() == UNMEASURED
+    assert BaseFile(directory, "r2", LAW).read() == Shown()
 
 
 def link(path: Path) -> None:
@@ -196,21 +203,21 @@ class FakeFile(BaseFile):
         self.works = threading.Event()
         self.works.set()
         self.failing = ""
-        self.found = UNMEASURED
-        self.written: list[Braking] = []
+        self.found = Shown()
+        self.written: list[Shown] = []
 
     def _use(self) -> None:
         assert self.works.wait(PATIENCE_S)
         if self.failing:
             raise OSError(self.failing)
 
-    def read(self) -> Braking:
+    def read(self) -> Shown:
         self._use()
         return self.found
 
-    def write(self, braking: Braking) -> None:
+    def write(self, shown: Shown) -> None:
         self._use()
-        self.written.append(braking)
+        self.written.append(shown)
 
 
 def test_the_results_of_the_last_supervisor_count_and_are_not_written_again() -> None:
@@ -218,25 +225,33 @@ def test_the_results_of_the_last_supervisor_count_and_are_not_written_again() ->
     file.found = SHOWN
     record = BaseRecord(file)
     assert record.at_start == SHOWN
-    record.keep(record.at_start._replace(mean_m_s=0.5))
+    record.keep(with_braking(mean_m_s=0.5))
     record.close()
     assert file.written == []
 
 
-@pytest.mark.parametrize("changed", [{"shown_m_s2": (1.1,)}, {"shown_dead_s": (0.2,)}])
-def test_each_measured_stop_is_written_once(changed: dict[str, tuple[float, ...]]) -> None:
+@pytest.mark.parametrize(
+    "shown",
+    [
+        with_braking(shown_m_s2=(1.1,)),
+        with_braking(shown_dead_s=(0.2,)),
+        SHOWN._replace(mounts_confirmed=False),
+    ],
+)
+def test_each_result_is_written_once(shown: Shown) -> None:
     file = FakeFile()
+    file.found = SHOWN
     record = BaseRecord(file)
-    shown = SHOWN._replace(**changed)  # type: ignore[arg-type]
-    for _ in range(3):
-        record.keep(shown)
-        shown = shown._replace(mean_m_s=shown.mean_m_s + 0.1)
+    for number in range(3):
+        record.keep(shown._replace(braking=shown.braking._replace(mean_m_s=0.1 * number)))
     record.close()
-    assert len(file.written) == 1
-    assert (file.written[0].shown_m_s2, file.written[0].shown_dead_s) == (
-        shown.shown_m_s2,
-        shown.shown_dead_s,
-    )
+    assert file.written == [shown]
+
+
+@pytest.mark.parametrize("value", [None, 1, "true", []])
+def test_a_mounting_is_confirmed_by_nothing_but_true(directory: Path, value: object) -> None:
+    assert written(directory).read().mounts_confirmed
+    assert not written(directory, mounts_confirmed=value).read().mounts_confirmed
 
 
 def test_no_call_waits_for_the_disk() -> None:
@@ -245,21 +260,21 @@ def test_no_call_waits_for_the_disk() -> None:
     file.works.clear()
     began_s = time.monotonic()
     for number in range(5):
-        record.keep(SHOWN._replace(shown_m_s2=(1.0 + number,)))
+        record.keep(with_braking(shown_m_s2=(1.0 + number,)))
     assert time.monotonic() - began_s < 0.2
     file.works.set()
     until(lambda: len(file.written) == 5)
 
 
-def test_a_disk_that_hangs_at_the_start_leaves_the_base_unknown(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_disk_that_hangs_at_the_start_leaves_the_robot_unknown(caplog: pytest.LogCaptureFixture) -> None:
     file = FakeFile()
     file.found = SHOWN
     file.works.clear()
     record = BaseRecord(file, read_limit_s=0.02)
-    assert record.at_start == UNMEASURED
-    assert "the base counts as not measured" in caplog.text
+    assert record.at_start == Shown()
+    assert "nothing counts as measured" in caplog.text
     file.works.set()
-    record.keep(SHOWN._replace(shown_m_s2=(1.0,)))
+    record.keep(with_braking(shown_m_s2=(1.0,)))
     until(lambda: len(file.written) == 1)
 
 
@@ -267,21 +282,21 @@ def test_a_file_that_cannot_be_read_is_ignored_with_one_sentence(caplog: pytest.
     file = FakeFile()
     file.failing = "no\x1b such disk"
     record = BaseRecord(file)
-    assert record.at_start == UNMEASURED
+    assert record.at_start == Shown()
     (message,) = caplog.messages
-    assert "is ignored, so the base counts as not measured: no" in message
+    assert "is ignored, so nothing counts as measured: no" in message
     assert "\x1b" not in message
 
 
-def test_a_file_that_cannot_be_written_is_a_warning_and_is_written_after_the_next_stop(
+def test_a_file_that_cannot_be_written_is_a_warning_and_is_written_after_the_next_result(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     caplog.set_level(logging.WARNING)
     file = FakeFile()
     record = BaseRecord(file)
     file.failing = "no space"
-    record.keep(SHOWN._replace(shown_m_s2=(1.0,)))
-    record.keep(SHOWN._replace(shown_m_s2=(1.1,)))
+    record.keep(with_braking(shown_m_s2=(1.0,)))
+    record.keep(with_braking(shown_m_s2=(1.1,)))
     until(lambda: len(caplog.messages) == 1)
     assert "is lost at the next start: no space" in caplog.text
     time.sleep(0.02)
@@ -294,7 +309,7 @@ def test_a_file_that_cannot_be_written_is_a_warning_and_is_written_after_the_nex
 
 def test_a_robot_keeps_its_results_across_a_restart(directory: Path) -> None:
     first = BaseRecord(BaseFile(directory, "robot", LAW))
-    assert first.at_start == UNMEASURED
+    assert first.at_start == Shown()
     first.keep(SHOWN)
     first.close()
     assert BaseRecord(BaseFile(directory, "robot", LAW)).at_start == SHOWN
