@@ -1,4 +1,7 @@
-"""The section `[supervisor]` of robot.toml, checked completely before any process starts: by itself, and against the base."""
+"""The section `[supervisor]` of robot.toml: its keys, their bounds, and the checks against each other and against the base.
+
+All checks run before any process starts.
+"""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -39,8 +42,8 @@ FreeCode = Annotated[float, Between(0.001, 200.0)]
 Memory = Annotated[float, Between(0.0, 10.0, "a person may have entered space that was seen longer ago")]
 ScanTimeout = Annotated[float, Between(0.03, 3.0, "a slower lidar does not detect obstacles in time")]
 OUTSIDE_M = 0.02
-"""Accepted distance of a mount outside the footprint; a mount is measured to a centimetre or two. From farther outside,
-a lidar would look past the hull, and the law does not search the shadows of objects there (docs/decisions/0039)."""
+"""Accepted distance of a mount outside the footprint: a mount is measured to a centimetre or two. A lidar farther outside
+would look past the hull, and the law does not search the shadows of objects there (docs/decisions/0039)."""
 FULL_TURN_SLACK_RAD = 1e-3
 """Tolerance for a full turn that is written as a rounded multiple of pi."""
 Sector = Annotated[tuple[Angle, Angle], Field(strict=False)]
@@ -53,11 +56,11 @@ def _is_a_sensors_topic(topic: str) -> str:
 
 
 class ReadingsSection(Section):
-    """Meaning of the readings of a sensor without a profile; +Inf and readings from range_max on are always free."""
+    """Meaning of the readings of a sensor without a profile. +Inf and readings from range_max on always mean "no return"."""
 
     nan_is_free: bool = False
     zero_is_free: bool = False
-    # Codes are a few mm or cm; a profile with larger codes would miss obstacles right in front of the lidar.
+    # Codes are a few mm or cm. With larger ones, obstacles right in front of the lidar would count as "no return".
     codes_below_m: Annotated[float, Between(0.0, 0.5)] = 0.0
     free_codes_m: Annotated[tuple[FreeCode, ...], Field(max_length=16, strict=False)] = ()
 
@@ -77,15 +80,15 @@ class LidarSection(Section):
     # Fewer beams cannot show the surroundings; no planar lidar has more than 4,096.
     min_beams: Annotated[int, Between(12, 4096)] = 90
     timeout_s: ScanTimeout | None = None
-    """None: `scan_timeout_s` if given, else the profile's timeout."""
+    """None: `scan_timeout_s` if the file has it, else the profile's timeout."""
     period_s: Annotated[float, Between(0.002, 2.0)] | None = None
     """Time between two scans; None: the profile's usual period."""
-    # A larger value is an error: scans that are half a second old show a past place of the robot.
+    # A larger value is a mistake: scans that are half a second old show a place that the robot has left.
     latency_s: Annotated[float, Between(0.0, 0.5)] = 0.0
     """Constant time from the measurement to the message, which no stamp shows."""
 
     view_rad: Sector | None = None
-    """Angles of the first and the last beam in its own frame; used, like the next two, by `lifeline check` only."""
+    """Angles of the first and the last beam in its own frame. Only `lifeline check` uses this key and the next two."""
     beams: Beams | None = None
     range_max_m: Range | None = None
 
@@ -158,11 +161,11 @@ Pair = Annotated[tuple[Distance, Distance], Field(strict=False)]  # TOML has onl
 MAX_ESTOP_STATIONS = 8
 
 PERIODS_IN_TIMEOUT = 1.5
-"""Minimum timeout in periods: with a shorter timeout, every slightly late scan stops the robot."""
+"""Minimum scan timeout in scan periods: with a shorter timeout, each scan that is slightly late stops the robot."""
 
 
 class SourceSection(Section):
-    """A command source; a higher priority takes over from a lower one."""
+    """A command source. A source with a higher priority takes over from one with a lower priority."""
 
     name: FreeName
     priority: Annotated[int, Between(0, 1000)]
@@ -189,7 +192,7 @@ class FootprintSection(Section):
 
 
 class EstopStationSection(Section):
-    """An e-stop station: a program with an emergency stop that proves its presence (docs/how-to/estop-station.md)."""
+    """An e-stop station: a program with an emergency stop that proves that it is connected (docs/how-to/estop-station.md)."""
 
     name: Name
     required: bool = True
@@ -206,16 +209,16 @@ class SupervisorSection(Section):
     # At 1 m/s, a command timeout of 2 s lets the robot drive 2 m after the operator's program hangs.
     command_timeout_s: Annotated[float, Between(0.03, 2.0)] = 0.2
     scan_timeout_s: ScanTimeout = 0.24
-    """Timeout of a lidar without its own `timeout_s`; if not given, the timeout of the sensor's profile applies."""
+    """Timeout of a lidar without its own `timeout_s`. If the file does not have it, the timeout of the lidar's profile applies."""
     overrun_s: Annotated[float, Between(0.02, 1.0, "nothing is supervised while the supervisor hangs")] = 0.1
-    # Below 5 cm the errors of lidar, mount and braking are as large as the distance.
+    # Below 5 cm, the errors of lidar, mount and braking are as large as the distance.
     stop_distance_m: Annotated[float, Between(0.05, 2.0)] = 0.30
     warning_distance_m: Annotated[float, Between(0.05, 5.0)] = 0.50
     # More than 10 m/s² exceeds the grip of a tyre; with 0.1 m/s², stopping from 1 m/s takes 5 m.
     deceleration_m_s2: Annotated[float, Between(0.1, 10.0)] = 1.5
     base_acceleration_m_s2: Acceleration = 0.5
     base_angular_acceleration_rad_s2: AngularAcceleration = 1.5
-    # A larger value is an error: a base that reacts half a second late cannot be driven by keyboard.
+    # A larger value is a mistake: a base that reacts half a second late cannot be driven by keyboard.
     base_dead_time_s: Annotated[float, Between(0.0, 0.5)] = 0.0
     base_timeout_s: Annotated[
         float, Between(0.02, 2.0, "a base without a timeout drives on if the supervisor dies")
@@ -224,13 +227,13 @@ class SupervisorSection(Section):
     creep_m_s: Annotated[float, Between(0.001, 0.1)] = 0.02
     max_linear_m_s: Speed = 1.0
     max_angular_rad_s: TurnRate = 2.0
-    # From the width of a cord to that of a person's body.
+    # The bounds are the width of a cord and that of a person.
     smallest_obstacle_m: Annotated[float, Between(0.005, 0.5)] = 0.04
     unseen_memory_s: Memory = 0.0
     works_in_the_open: bool = False
-    # Faster, a robot whose lidar is covered would not be stopped by its bumper.
+    # Above this speed, a bumper would not stop a robot whose lidar is covered.
     open_m_s: Annotated[float, Between(0.05, 1.0)] = 0.5
-    # From a higher creep speed, the base could not stop within a hand's width.
+    # From a higher speed, the base could not stop within a hand's width.
     blind_creep_m_s: Annotated[float, Between(0.0, 0.2)] = 0.0
     blind_budget_m: Annotated[float, Between(0.01, 2.0)] = 0.2
     odometry: bool = True
@@ -245,7 +248,7 @@ class SupervisorSection(Section):
     lidars: (
         Annotated[tuple[NamedLidarSection, ...], Field(min_length=1, max_length=4, strict=False)] | None
     ) = None
-    """Replaces `lidar` if there are several lidars."""
+    """Used instead of `lidar` if there are several lidars."""
     sources: Annotated[tuple[SourceSection, ...], Field(min_length=1, max_length=16, strict=False)] = (
         SourceSection(name="teleop", priority=100),
         SourceSection(name="joy", priority=90),
@@ -326,7 +329,7 @@ class SupervisorSection(Section):
             yield Conflict(("blind_budget_m",), self.blind_budget_m, message)
 
     def _least_budget_m(self) -> float:
-        """Return the budget with which a command as old as half its timeout permits the minimum useful speed."""
+        """Return the budget [m] with which a command of half the age of its timeout still permits the minimum useful speed."""
         timeout_s = self.command_timeout_s
         return self.creep_m_s * (timeout_s + self.transport_s / 2.0) ** 2 / timeout_s
 
@@ -416,7 +419,7 @@ class SupervisorSection(Section):
         """Return the configuration of the pure law.
 
         Args:
-            is_base_known: whether the configuration describes the base; if not, it is slow until a stop has measured it.
+            is_base_known: whether the configuration describes the base. If not, the base is slow until a stop has measured it.
         """
         same = {f.name: getattr(self, f.name) for f in fields(LawConfig) if f.name in type(self).model_fields}
         own: dict[str, Any] = {
@@ -435,21 +438,22 @@ class SupervisorSection(Section):
 # --- against the base
 
 UNMEASURED_M_S = 0.5
-"""Fastest speed of a base of which nothing is known: one with a third of the default braking and 0.2 s of dead time does not
-touch. More than the 0.4 m/s from which a stop measures it."""
+"""Maximum speed of an unknown base. At this speed, a base with a third of the default braking and a dead time of 0.2 s does not
+touch. It is above 0.4 m/s, the least speed from which a stop measures the base."""
 
 
 def is_base_known(document: Mapping[str, Any]) -> bool:
-    """Return whether a configuration describes how the base brakes: itself, or because it means the simulated base.
+    """Return whether a configuration states how the base brakes: it has the deceleration, or it is for the simulated base.
 
     Args:
-        document: the configuration, with valid sections; one that describes no robot means the simulated one.
+        document: the configuration, with valid sections. If it describes no robot, it is for the simulated one.
     """
     describes_robot = "supervisor" in document or "ros2" in document
     return not describes_robot or "sim" in document or "deceleration_m_s2" in document.get("supervisor", {})
 
 
 TICKS_IN_BASE_TIMEOUT = 2.0
+"""Minimum timeout of the base in ticks: with a shorter timeout, the base brakes between two commands."""
 
 
 def fit_to_base(sections: Sections) -> Iterator[Conflict]:
@@ -468,7 +472,7 @@ def _motion(config: SupervisorSection, base: BaseSection) -> Iterator[Conflict]:
     trusted = config.deceleration_m_s2
     if trusted > base.braking_m_s2:
         yield _more_than(config, "deceleration_m_s2", "braking_m_s2", base.braking_m_s2)
-    # On an arc, the rim of the hull must stop as fast as its centre.
+    # On an arc, the rim of the hull must brake as hard as its centre.
     rim = base.angular_braking_rad_s2 * (radius_m := config.footprint.hull().radius_m)
     if trusted > rim:
         message = (
