@@ -1,4 +1,7 @@
-"""The section `[supervisor]` of robot.toml, checked completely before any process starts: by itself, and against the base."""
+"""The section `[supervisor]` of robot.toml: its keys, their bounds, and the checks against each other and against the base.
+
+All checks run before any process starts.
+"""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -39,8 +42,8 @@ FreeCode = Annotated[float, Between(0.001, 200.0)]
 Memory = Annotated[float, Between(0.0, 10.0, "a person may have entered space that was seen longer ago")]
 ScanTimeout = Annotated[float, Between(0.03, 3.0, "a slower lidar does not detect obstacles in time")]
 OUTSIDE_M = 0.02
-"""Accepted distance of a mount outside the footprint; a mount is measured to a centimetre or two. From farther outside,
-a lidar would look past the hull, and the law does not search the shadows of objects there (docs/decisions/0039)."""
+"""Accepted distance of a mount outside the footprint: a mount is measured to a centimetre or two. A lidar farther outside
+would look past the hull, and the law does not search the shadows of objects there (docs/decisions/0039)."""
 FULL_TURN_SLACK_RAD = 1e-3
 """Tolerance for a full turn that is written as a rounded multiple of pi."""
 Sector = Annotated[tuple[Angle, Angle], Field(strict=False)]
@@ -53,11 +56,11 @@ def _is_a_sensors_topic(topic: str) -> str:
 
 
 class ReadingsSection(Section):
-    """Meaning of the readings of a sensor without a profile; +Inf and readings from range_max on are always free."""
+    """Meaning of the readings of a sensor without a profile. +Inf and readings from range_max on always mean "no return"."""
 
     nan_is_free: bool = False
     zero_is_free: bool = False
-    # Codes are a few mm or cm; a profile with larger codes would miss obstacles right in front of the lidar.
+    # Codes are a few mm or cm. With larger ones, obstacles right in front of the lidar would count as "no return".
     codes_below_m: Annotated[float, Between(0.0, 0.5)] = 0.0
     free_codes_m: Annotated[tuple[FreeCode, ...], Field(max_length=16, strict=False)] = ()
 
@@ -77,16 +80,22 @@ class LidarSection(Section):
     # Fewer beams cannot show the surroundings; no planar lidar has more than 4,096.
     min_beams: Annotated[int, Between(12, 4096)] = 90
     timeout_s: ScanTimeout | None = None
-    """None: `scan_timeout_s` if given, else the profile's timeout."""
+    """None: `scan_timeout_s` if the file has it, else the profile's timeout."""
     period_s: Annotated[float, Between(0.002, 2.0)] | None = None
     """Time between two scans; None: the profile's usual period."""
+<<<<<<< HEAD
     # A larger value is an error: scans that are half a second old show a past place of the robot.
     latency_s: Annotated[float, Between(0.0, 0.5)] | None = None
     """Constant time from the measurement to the message, which no stamp shows. None: the profile's, and the timeout counts from
     the message."""
+=======
+    # A larger value is a mistake: scans that are half a second old show a place that the robot has left.
+    latency_s: Annotated[float, Between(0.0, 0.5)] = 0.0
+    """Constant time from the measurement to the message, which no stamp shows."""
+>>>>>>> b12d0766f0eda96c4bcb652eb8ea337165dcc43a
 
     view_rad: Sector | None = None
-    """Angles of the first and the last beam in its own frame; used, like the next two, by `lifeline check` only."""
+    """Angles of the first and the last beam in its own frame. Only `lifeline check` uses this key and the next two."""
     beams: Beams | None = None
     range_max_m: Range | None = None
 
@@ -166,11 +175,11 @@ Pair = Annotated[tuple[Distance, Distance], Field(strict=False)]  # TOML has onl
 MAX_ESTOP_STATIONS = 8
 
 PERIODS_IN_TIMEOUT = 1.5
-"""Minimum timeout in periods: with a shorter timeout, every slightly late scan stops the robot."""
+"""Minimum scan timeout in scan periods: with a shorter timeout, each scan that is slightly late stops the robot."""
 
 
 class SourceSection(Section):
-    """A command source; a higher priority takes over from a lower one."""
+    """A command source. A source with a higher priority takes over from one with a lower priority."""
 
     name: FreeName
     priority: Annotated[int, Between(0, 1000)]
@@ -197,7 +206,7 @@ class FootprintSection(Section):
 
 
 class EstopStationSection(Section):
-    """An e-stop station: a program with an emergency stop that proves its presence (docs/how-to/estop-station.md)."""
+    """An e-stop station: a program with an emergency stop that proves that it is connected (docs/how-to/estop-station.md)."""
 
     name: Name
     required: bool = True
@@ -214,16 +223,16 @@ class SupervisorSection(Section):
     # At 1 m/s, a command timeout of 2 s lets the robot drive 2 m after the operator's program hangs.
     command_timeout_s: Annotated[float, Between(0.03, 2.0)] = 0.2
     scan_timeout_s: ScanTimeout = 0.24
-    """Timeout of a lidar without its own `timeout_s`; if not given, the timeout of the sensor's profile applies."""
+    """Timeout of a lidar without its own `timeout_s`. If the file does not have it, the timeout of the lidar's profile applies."""
     overrun_s: Annotated[float, Between(0.02, 1.0, "nothing is supervised while the supervisor hangs")] = 0.1
-    # Below 5 cm the errors of lidar, mount and braking are as large as the distance.
+    # Below 5 cm, the errors of lidar, mount and braking are as large as the distance.
     stop_distance_m: Annotated[float, Between(0.05, 2.0)] = 0.30
     warning_distance_m: Annotated[float, Between(0.05, 5.0)] = 0.50
     # More than 10 m/s² exceeds the grip of a tyre; with 0.1 m/s², stopping from 1 m/s takes 5 m.
     deceleration_m_s2: Annotated[float, Between(0.1, 10.0)] = 1.5
     base_acceleration_m_s2: Acceleration = 0.5
     base_angular_acceleration_rad_s2: AngularAcceleration = 1.5
-    # A larger value is an error: a base that reacts half a second late cannot be driven by keyboard.
+    # A larger value is a mistake: a base that reacts half a second late cannot be driven by keyboard.
     base_dead_time_s: Annotated[float, Between(0.0, 0.5)] = 0.0
     base_timeout_s: Annotated[
         float, Between(0.02, 2.0, "a base without a timeout drives on if the supervisor dies")
@@ -232,15 +241,15 @@ class SupervisorSection(Section):
     creep_m_s: Annotated[float, Between(0.001, 0.1)] = 0.02
     max_linear_m_s: Speed = 1.0
     max_angular_rad_s: TurnRate = 2.0
-    # From the width of a cord to that of a person's body.
+    # The bounds are the width of a cord and that of a person.
     smallest_obstacle_m: Annotated[float, Between(0.005, 0.5)] = 0.04
     unseen_memory_s: Memory = 0.0
     mounts_confirmed: bool = False
     """Whether a person has checked where each lidar looks; if not, motion must confirm it before the robot drives faster."""
     works_in_the_open: bool = False
-    # Faster, a robot whose lidar is covered would not be stopped by its bumper.
+    # Above this speed, a bumper would not stop a robot whose lidar is covered.
     open_m_s: Annotated[float, Between(0.05, 1.0)] = 0.5
-    # From a higher creep speed, the base could not stop within a hand's width.
+    # From a higher speed, the base could not stop within a hand's width.
     blind_creep_m_s: Annotated[float, Between(0.0, 0.2)] = 0.0
     blind_budget_m: Annotated[float, Between(0.01, 2.0)] = 0.2
     odometry: bool = True
@@ -255,7 +264,7 @@ class SupervisorSection(Section):
     lidars: (
         Annotated[tuple[NamedLidarSection, ...], Field(min_length=1, max_length=4, strict=False)] | None
     ) = None
-    """Replaces `lidar` if there are several lidars."""
+    """Used instead of `lidar` if there are several lidars."""
     sources: Annotated[tuple[SourceSection, ...], Field(min_length=1, max_length=16, strict=False)] = (
         SourceSection(name="teleop", priority=100),
         SourceSection(name="joy", priority=90),
@@ -336,7 +345,7 @@ class SupervisorSection(Section):
             yield Conflict(("blind_budget_m",), self.blind_budget_m, message)
 
     def _least_budget_m(self) -> float:
-        """Return the budget with which a command as old as half its timeout permits the minimum useful speed."""
+        """Return the budget [m] with which a command of half the age of its timeout still permits the minimum useful speed."""
         timeout_s = self.command_timeout_s
         return self.creep_m_s * (timeout_s + self.transport_s / 2.0) ** 2 / timeout_s
 
@@ -432,8 +441,12 @@ class SupervisorSection(Section):
         """Return the configuration of the pure law.
 
         Args:
+<<<<<<< HEAD
             is_base_known: whether the configuration describes the base; if not, it is slow until a stop has measured it.
             are_mounts_known: whether the mounts of the lidars are known to be right; if not, it is slow until motion confirms them.
+=======
+            is_base_known: whether the configuration describes the base. If not, the base is slow until a stop has measured it.
+>>>>>>> b12d0766f0eda96c4bcb652eb8ea337165dcc43a
         """
         same = {f.name: getattr(self, f.name) for f in fields(LawConfig) if f.name in type(self).model_fields}
         own: dict[str, Any] = {
@@ -453,10 +466,11 @@ class SupervisorSection(Section):
 # --- against the base
 
 UNMEASURED_M_S = 0.5
-"""Fastest speed of a base of which nothing is known: one with a third of the default braking and 0.2 s of dead time does not
-touch. More than the 0.4 m/s from which a stop measures it."""
+"""Maximum speed of an unknown base. At this speed, a base with a third of the default braking and a dead time of 0.2 s does not
+touch. It is above 0.4 m/s, the least speed from which a stop measures the base."""
 
 
+<<<<<<< HEAD
 UNCONFIRMED_M_S = 0.3
 """Fastest speed of the hull until motion has confirmed where the lidars look: at 0.5 m/s, a lidar that is turned by 180 degrees was found
 after 0.62 m."""
@@ -470,9 +484,20 @@ def is_simulated(document: Mapping[str, Any]) -> bool:
 def is_base_known(document: Mapping[str, Any]) -> bool:
     """Return whether a configuration describes how the base brakes: itself, or because it means the simulated base."""
     return is_simulated(document) or "deceleration_m_s2" in document.get("supervisor", {})
+=======
+def is_base_known(document: Mapping[str, Any]) -> bool:
+    """Return whether a configuration states how the base brakes: it has the deceleration, or it is for the simulated base.
+
+    Args:
+        document: the configuration, with valid sections. If it describes no robot, it is for the simulated one.
+    """
+    describes_robot = "supervisor" in document or "ros2" in document
+    return not describes_robot or "sim" in document or "deceleration_m_s2" in document.get("supervisor", {})
+>>>>>>> b12d0766f0eda96c4bcb652eb8ea337165dcc43a
 
 
 TICKS_IN_BASE_TIMEOUT = 2.0
+"""Minimum timeout of the base in ticks: with a shorter timeout, the base brakes between two commands."""
 
 
 def fit_to_base(sections: Sections) -> Iterator[Conflict]:
@@ -491,7 +516,7 @@ def _motion(config: SupervisorSection, base: BaseSection) -> Iterator[Conflict]:
     trusted = config.deceleration_m_s2
     if trusted > base.braking_m_s2:
         yield _more_than(config, "deceleration_m_s2", "braking_m_s2", base.braking_m_s2)
-    # On an arc, the rim of the hull must stop as fast as its centre.
+    # On an arc, the rim of the hull must brake as hard as its centre.
     rim = base.angular_braking_rad_s2 * (radius_m := config.footprint.hull().radius_m)
     if trusted > rim:
         message = (

@@ -72,7 +72,7 @@ REASONS: Mapping[StopReason, Reason] = {
         "its e-stop is released. Husarion refuses a reset under command, and so do we.",
     ),
     StopReason.ESTOP_STATION_LOST: Reason(
-        f"a required e-stop station was not heard yet, has not answered a challenge of the last {LEASE_S:g} s, has left, "
+        f"a required e-stop station has not been heard yet, has not answered a challenge of the last {LEASE_S:g} s, has left, "
         "or its token was deleted; after a loss, until a reset",
         "An e-stop button whose link is dead stops nothing, and nobody notices. Spot's E-stop service requires "
         "that each endpoint answers challenges.",
@@ -80,10 +80,10 @@ REASONS: Mapping[StopReason, Reason] = {
     StopReason.ESTOP_UNRECORDED: Reason(
         "the disk has not confirmed that a press would be recorded: it is full, read-only, changed by others, or still "
         "at work on a reset",
-        "A supervisor that is killed after a press that it could not record starts without it, and drives.",
+        "If a press is not recorded and the supervisor is killed, the next supervisor does not know of the press, and drives.",
     ),
     StopReason.BASE_RUNAWAY: Reason(
-        "zero was commanded for longer than braking takes, and odometry still shows motion, or more than "
+        "zero was commanded for longer than braking takes, and odometry still shows motion or has shown more than "
         f"{100 * ROLLED_M:.0f} cm of net motion within {WINDOW_S:.0f} s, also if somebody pushes the robot; raises the alarm",
         "A supervisor that trusts its own zero sees nothing when a wheel controller does not obey.",
     ),
@@ -99,7 +99,7 @@ REASONS: Mapping[StopReason, Reason] = {
     ),
     StopReason.SENSOR_MISMATCH: Reason(
         f"in {DOUBTS} judgements in a row, each over {STEP_M:g} m or {STEP_RAD:g} rad of measured motion, the returns of a lidar have not moved as the "
-        "configuration predicts, but as for a turned or mirrored lidar, or a wrong sign of odometry; the status names which",
+        "configuration predicts, but as with a turned or mirrored lidar, or a wrong sign of odometry; the status names which",
         "A wrong yaw of the lidar is the most frequent mistake in public reports. The robot then stops for what is behind it, and drives into what is ahead.",
     ),
     StopReason.BASE_UNRESPONSIVE: Reason(
@@ -160,7 +160,7 @@ REASONS: Mapping[StopReason, Reason] = {
         f"the barrier leaves less than {DEFAULTS.creep_m_s:g} m/s because of a point that two scans have shown: the "
         f"command closes on something at {DEFAULTS.stop_distance_m:.2f} m",
         "A plain stop zone traps the robot: navigation2 #3313, #3748, mowglinext #159 (414 s). A pure rotation can "
-        "sweep a corner into something (navigation2 #3171): the barrier looks at the hull, not at the direction.",
+        "sweep a corner into something (navigation2 #3171): the barrier checks the hull, not the direction.",
     ),
 }
 
@@ -205,13 +205,13 @@ def numbers_table() -> str:
         ),
         (
             "",
-            "share of `T` for transport and one tick",
+            "part of `T`: transport and one tick",
             f"{d.transport_s:g} s",
             "`transport_s`",
         ),
         (
             "",
-            "share of `T` for which the base keeps its speed after a command",
+            "part of `T`: time for which the base keeps its speed after a new command",
             f"{d.base_dead_time_s:g} s",
             "`base_dead_time_s`",
         ),
@@ -223,7 +223,7 @@ def numbers_table() -> str:
         ),
         (
             "",
-            f"reaction time of a base that gets no further command, for a distance of {TOUCH_M:g} m",
+            f"time for which the base drives on without a command; the second bound then keeps {TOUCH_M:g} m",
             f"{d.base_timeout_s:g} s",
             "`base_timeout_s`",
         ),
@@ -270,11 +270,11 @@ def seen_table() -> str:
             "`blind_creep_m_s`",
         ),
         (
-            "whether silence counts as free without a return before, while less than a tenth of the beams return",
+            "whether silence counts as free on beams that never had a return, while less than a tenth of the beams have one",
             str(d.works_in_the_open).lower(),
             "`works_in_the_open`",
         ),
-        ("maximum speed on such silence", f"{d.open_m_s:g} m/s", "`open_m_s`"),
+        ("maximum speed in that case", f"{d.open_m_s:g} m/s", "`open_m_s`"),
         (
             "number of scans that cover a remembered point and find nothing there, after which it is dropped",
             f"{MISSES}",
@@ -286,7 +286,7 @@ def seen_table() -> str:
             "fixed",
         ),
         (
-            "range noise, as measured, from which surfaces count instead of single readings",
+            "measured range noise from which the distance of a beam is that of its surface",
             f"{1000 * LEAST_NOISE_M:g} mm",
             "fixed",
         ),

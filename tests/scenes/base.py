@@ -1,6 +1,6 @@
-"""Two models of a base; both brake at least as hard as the law assumes.
+"""Two models of a base. Both brake at least as hard as the law assumes.
 
-A turn rate counts as the speed of the hull's farthest point: ω·radius. From any twist a base is therefore at rest
+A turn rate ω counts as the speed of the hull's farthest point, ω·radius. From any twist, a base is therefore at rest
 after at most max(|v|, |ω|·radius) / braking, as the law assumes.
 """
 
@@ -21,7 +21,7 @@ class Base(Protocol):
 
 
 class MixtureBase:
-    """The twist is interpolated linearly toward the commanded one."""
+    """Both axes change in proportion, so that they reach the commanded twist together."""
 
     def __init__(self, acceleration_m_s2: float, braking_m_s2: float, radius_m: float) -> None:
         self.twist = STANDSTILL
@@ -43,7 +43,7 @@ class MixtureBase:
 
 
 class AxisBase:
-    """Each axis has its own ramp: between two arcs, the base follows neither."""
+    """Each axis has its own ramp, so that the base follows neither arc while it changes between two."""
 
     def __init__(self, acceleration_m_s2: float, braking_m_s2: float, radius_m: float) -> None:
         self.twist = STANDSTILL

@@ -19,19 +19,19 @@ from wire.freshness import Sent
 SOURCE = "teleop"
 EPOCH = bytes(16)
 LATE_FROM_S = 1.2
-"""When scans become late; before, they calibrate the law, which takes the fastest scans as undelayed."""
+"""Time from which scans are late. Before it, they arrive without delay, because the law takes the fastest scans as undelayed."""
 
 
 def config_of(scene: Scene) -> LawConfig:
     """Return the default configuration with the scene's hull and lidars."""
-    told = scene.told
+    configured = scene.configured
     lidars = tuple(
         supervisor.law.scan.Lidar(
             f"lidar{number}",
             _mount(lidar),
             PROFILES[lidar.profile],
-            timeout_s(lidar.rate_hz) + told.latency_s,
-            latency_s=told.latency_s,
+            timeout_s(lidar.rate_hz) + configured.latency_s,
+            latency_s=configured.latency_s,
         )
         for number, lidar in enumerate(scene.lidars)
     )
@@ -40,9 +40,9 @@ def config_of(scene: Scene) -> LawConfig:
         hull=scene.hull,
         lidars=lidars,
         odometry=scene.odometry_scale is not None,
-        deceleration_m_s2=told.braking_m_s2,
-        base_dead_time_s=told.dead_s,
-        base_timeout_s=told.timeout_s,
+        deceleration_m_s2=configured.braking_m_s2,
+        base_dead_time_s=configured.dead_s,
+        base_timeout_s=configured.timeout_s,
         base_acceleration_m_s2=scene.base.acceleration_m_s2,
         base_angular_acceleration_rad_s2=scene.base.acceleration_m_s2 / scene.hull.radius_m,
     )

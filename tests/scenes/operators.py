@@ -1,4 +1,4 @@
-"""Operators that drive at objects, and after every stop at the same object again."""
+"""Operators that drive at objects, and at the same object again after every stop."""
 
 import math
 from typing import Protocol
@@ -11,9 +11,9 @@ from tests.scenes.world import Measure, World
 FASTEST_M_S = 1.0
 FASTEST_RAD_S = 2.0
 SETTLE_S = 0.3
-"""Duration of neutral commands at the start: the law needs scans first."""
+"""Duration of neutral commands at the start, in which the law receives its first scans."""
 GIVES_UP_S = 0.4
-"""How long a motion that stops the robot is still commanded; a patient operator completes it."""
+"""Time for which an impatient operator still commands a motion after it has stopped the robot. A patient one completes it."""
 
 
 class Operator(Protocol):
@@ -25,7 +25,7 @@ class Operator(Protocol):
 
 
 class Adversary:
-    """Charges at objects, grazes them on arcs, reverses while moving, and turns, for 0.3 to 2.5 s each.
+    """Drives at objects, past them on arcs, reverses while moving, and turns, for 0.3 to 2.5 s each.
 
     It knows all objects, even hidden ones.
     """
@@ -38,7 +38,7 @@ class Adversary:
         self._target = 0
         self._ahead: float | None = None
         self._patient = False
-        # Some release for one tick only: with a noisy lidar, the law then decides anew on each scan.
+        # Some command neutral for one tick only: with a noisy lidar, each new scan then leads to a new decision.
         self._rest_s = 0.0 if rng.random() < 0.5 else float(rng.uniform(0.05, 0.3))
         self._resting_until_s = 0.0
 

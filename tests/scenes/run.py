@@ -20,11 +20,11 @@ from tests.scenes.world import Measure
 
 TICK_S = 0.02
 FINE_M = 0.006
-"""Maximum motion of any hull point between two clearance measurements that could give a new minimum."""
+"""Maximum motion of any hull point between two measurements of the clearance, where a new minimum is possible."""
 STUCK_S = 3.0
 
 NEAR_M = 0.3
-"""How far the hull moves before objects outside the search radius are considered again."""
+"""Distance that the hull moves before the objects within the search radius are selected again."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ def run_seed(number: int, *, scene_of: Callable[[int], Scene], only: str) -> Out
 
 
 class _Ledger:
-    """The smallest clearance so far. A clearance shrinks by at most the hull's motion: few ticks need a measurement."""
+    """The smallest clearance so far. A clearance shrinks by at most the hull's motion, so that few ticks need a measurement."""
 
     def __init__(self, scene: Scene, measure: Measure) -> None:
         self._world, self._measure = scene.world, measure

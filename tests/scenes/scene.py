@@ -10,7 +10,7 @@ from supervisor.law.clearance import Circle, ConvexPolygon
 from tests.scenes.world import Floats, Measure, Shape, World
 
 TRUSTED_M_S2 = 1.5
-"""The deceleration that the law assumes; no base brakes less."""
+"""The deceleration that the law assumes. No base brakes with less."""
 
 BOUND_M = 0.285
 """Minimum clearance that the hull must keep by its own motion: the stop distance minus 1.5 cm."""
@@ -29,7 +29,7 @@ ROUND_CORNERS = 12
 TIMEOUT_PERIODS = 2.25
 SHORTEST_TIMEOUT_S = 0.24
 LATEST_PERIODS = 1.1
-"""In scan periods: remaining timeout when the latest possible scan arrives, so that the next is in time."""
+"""Part of the scan timeout that remains when the latest possible scan arrives [scan periods], so that the next one is in time."""
 
 Profile = Literal["rep117", "rplidar", "neato_xv"]
 
@@ -79,18 +79,18 @@ class BaseNumbers:
     acceleration_m_s2: float
     braking_m_s2: float
     dead_s: float = 0.0
-    """How late it obeys, besides one tick; rounded to ticks."""
+    """Time after which it obeys, in addition to one tick; rounded to ticks."""
 
 
 @dataclass(frozen=True)
-class Told:
-    """What the configuration says of base and lidars; the defaults are those of the law."""
+class Configured:
+    """Configured numbers of the base and the lidars. The defaults are those of the law."""
 
     braking_m_s2: float = TRUSTED_M_S2
     dead_s: float = 0.0
     latency_s: float = 0.0
     timeout_s: float = 0.15
-    """Of the base without a command."""
+    """Time after which the base stops without a command."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class Scene:
     start_m: float
     """Clearance at the start."""
     duration_s: float
-    told: Told = Told()
+    configured: Configured = Configured()
 
     @property
     def bound_m(self) -> float:
@@ -121,7 +121,7 @@ class Scene:
     def tags(self) -> tuple[str, ...]:
         """Properties of the scene, for the summary."""
         first = self.lidars[0]
-        said = {
+        tags = {
             f"hull {self.shape}": True,
             f"base {self.base.kind}": True,
             "two lidars": len(self.lidars) == 2,
@@ -146,14 +146,14 @@ class Scene:
             (lidar.holes_rad or lidar.beam_dropout or lidar.object_dropout or lidar.noise_m)
             for lidar in self.lidars
         )
-        return (*(tag for tag, holds in said.items() if holds), *(("clean lidar",) if clean else ()))
+        return (*(tag for tag, holds in tags.items() if holds), *(("clean lidar",) if clean else ()))
 
 
 def random_scene(seed: int, *, noise_m: float = 0.005, silent_dirt: bool = False) -> Scene:
     """Return the scene of a seed.
 
     Args:
-        seed: of all random numbers.
+        seed: seed of all random numbers.
         noise_m: the largest standard deviation of the range noise [m].
         silent_dirt: whether dirt may read as "no return".
     """

@@ -14,10 +14,10 @@ from tests.scenes.scene import Lidar
 from tests.scenes.world import Floats, World
 
 MISSED_IN_A_ROW = 2
-"""Maximum duration of a dropout in scans; a longer one would be a hole."""
+"""Maximum duration of a dropout [scans]. A longer one would be a hole."""
 
 UNSEEN_MISSED_IN_A_ROW = 1
-"""The same for an object that no scan has shown so far."""
+"""The maximum duration for an object that no scan has shown yet."""
 
 NOBODY = -1
 
@@ -129,7 +129,7 @@ class Eye:
         return beam, along - np.sqrt(np.maximum(reach, 0.0)), owner[disc]
 
     def _sides(self, here: World) -> tuple[Ints, Floats, Ints]:
-        """Return the same for the straight sides, left and right of each capsule's centre line."""
+        """Return beams, distances and objects for the straight sides, left and right of each capsule's centre line."""
         side = here.ends - here.starts
         length = np.hypot(side[:, 0], side[:, 1])
         (long,) = (length > 0.0).nonzero()

@@ -41,12 +41,12 @@ def plain_scene(
 
     Args:
         discs: the objects.
-        hull: of the robot; that of the default robot if None.
+        hull: hull of the robot; that of the default robot if None.
         lidars: one or several.
-        base: the base's numbers.
+        base: parameters of the base.
         room_m: distance of each of four walls from the origin; None for no walls.
         duration_s: duration of the run.
-        seed: of all random numbers.
+        seed: seed of all random numbers.
     """
     hull = hull or Circle(0.25)
     centres = np.array([disc[:2] for disc in discs], dtype=np.float64).reshape(-1, 2)

@@ -40,7 +40,7 @@ class Summary:
     stops: Counter[str] = field(default_factory=Counter[str])
     skipped: int = 0
     went: int = 0
-    """Scenes in which the robot drove farther than `GONE_M`."""
+    """Number of scenes in which the robot drove farther than `GONE_M`."""
     travelled_m: float = 0.0
     driven_s: float = 0.0
     stopped_s: float = 0.0

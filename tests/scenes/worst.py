@@ -1,12 +1,12 @@
-"""Search for the worst case: an optimizer looks for the drive in which the hull comes closest to an object.
+"""Search for the worst case: an optimizer searches for the drive in which the hull comes closest to an object.
 
     python -m tests.scenes.worst --evaluations 20000
     python -m tests.scenes.worst --evaluations 20000 --alone
-    python -m tests.scenes.worst --evaluations 2000 --untold dead_s --untold latency_s
+    python -m tests.scenes.worst --evaluations 2000 --leave-out dead_s --leave-out latency_s
 
 Each drive has its own dead time, brakes, latency, base timeout, noise, lost scans, vanishing returns, hull, object and commands.
-The configuration contains them, except those that are `--untold`. With `--alone`, the optimizer minimizes the clearance after
-everything above the base has died at the worst tick. It prints the worst drive of each climb.
+The configuration contains the first four, except those that are left out. With `--alone`, the optimizer minimizes the clearance
+after every process above the base has died at the worst tick. It prints the worst drive of each climb.
 """
 
 import argparse
@@ -23,7 +23,7 @@ from supervisor.law.clearance import Circle
 from supervisor.law.reckoning import STANDSTILL, Pose, Velocity
 from tests.scenes.operators import SETTLE_S
 from tests.scenes.run import TICK_S, Moment, advance, base_of, dead_ticks, run
-from tests.scenes.scene import SMALLEST_M, TRUSTED_M_S2, BaseNumbers, Scene, Told, rectangle
+from tests.scenes.scene import SMALLEST_M, TRUSTED_M_S2, BaseNumbers, Configured, Scene, rectangle
 from tests.scenes.sensing import Ranges
 from tests.scenes.simple import LIDAR, plain_scene
 from tests.scenes.world import Floats, Measure, World
@@ -32,8 +32,8 @@ HULLS = (Circle(0.25), rectangle(0.4, 0.4, 0.2), rectangle(0.55, 0.15, 0.25))
 ROOM_M = 5.0
 """All walls are nearer than 0.8 of the lidar's range, within which vanished returns are judged (supervisor/law/silence.py)."""
 DURATION_S = 4.0
-UNTOLD = ("dead_s", "latency_s", "braking_m_s2", "timeout_s")
-"""What a configuration may not contain."""
+CONFIGURABLE = ("dead_s", "latency_s", "braking_m_s2", "timeout_s")
+"""Parameters that a configuration contains unless they are left out."""
 
 
 @dataclass(frozen=True)
@@ -44,34 +44,34 @@ class Case:
     braking_m_s2: float
     latency_s: float
     timeout_s: float
-    """After which the base stops without a command."""
+    """Time after which the base stops without a command."""
     noise_m: float
     lost_scans: float
     """Fraction of the scans that never arrive."""
     vanish_rad: float
-    """Width of the sector whose returns vanish at once, as "no return"; none below `VANISHES_RAD`."""
+    """Width of the sector whose returns vanish between two scans, as "no return"; no sector below `VANISHES_RAD`."""
     vanish_at_rad: float
     vanish_s: float
     rate_hz: float
     acceleration_m_s2: float
     axes: float
-    """At least 0.5: each axis of the base has its own ramp."""
+    """0.5 and more: each axis of the base has its own ramp."""
     odometry: float
-    """Less than 0.2: none."""
+    """Below 0.2: no odometry."""
     hull: float
     object_m: float
     """Distance of the object from the origin."""
     object_rad: float
     object_radius_m: float
-    """A wall at a slant if more than `WALL_M`."""
+    """Above `WALL_M`, the object is a slanted wall."""
     slant_rad: float
     speed_m_s: float
     turn_rad_s: float
-    """None below 0.5 rad/s; the same for `then_rad_s`."""
+    """Below 0.5 rad/s, no turn; the same for `then_rad_s`."""
     then_m_s: float
     then_rad_s: float
     then_s: float
-    """When the second twist follows the first."""
+    """Time at which the second twist follows the first."""
 
 
 VANISHES_RAD = math.radians(10.0)
@@ -111,7 +111,7 @@ class Result(NamedTuple):
     driven_m: float
     """While the law decides."""
     alone_m: float
-    """After everything above the base has died at the worst tick."""
+    """After every process above the base has died at the worst tick."""
 
 
 class Course:
@@ -129,12 +129,12 @@ class Course:
 
 
 def _beyond(value: float, threshold: float) -> float:
-    """Return zero up to a threshold, and what is beyond it above, in the same range."""
+    """Return zero if the absolute value is at most the threshold, else the value."""
     return 0.0 if abs(value) <= threshold else value
 
 
 def case_of(genes: Floats) -> Case:
-    """Return the case of numbers from 0 to 1, one for each parameter."""
+    """Return the case for numbers from 0 to 1, one for each parameter."""
     drawn = {
         field.name: low + gene * (high - low)
         for field, gene in zip(fields(Case), genes.tolist(), strict=True)
@@ -166,15 +166,15 @@ HARD = case_from(
     "acceleration_m_s2 2, axes 0, odometry 1, hull 0, object_m 3, object_rad 0, object_radius_m 0.1, speed_m_s 1,"
     "turn_rad_s 0, then_m_s 1, then_rad_s 0, then_s 3"
 )
-"""Straight at a pillar at full speed."""
+"""A drive straight at a pillar at full speed."""
 
 
-def scene_of(case: Case, untold: frozenset[str] = frozenset()) -> Scene:
+def scene_of(case: Case, left_out: frozenset[str] = frozenset()) -> Scene:
     """Build the scene of a case.
 
     Args:
         case: the parameters.
-        untold: names of parameters that differ from the configuration, which has their defaults.
+        left_out: names of parameters for which the configuration has the defaults.
     """
     hull = HULLS[int(case.hull)]
     x_m, y_m = (case.object_m * math.cos(case.object_rad), case.object_m * math.sin(case.object_rad))
@@ -200,19 +200,19 @@ def scene_of(case: Case, untold: frozenset[str] = frozenset()) -> Scene:
         )
         start_m = float(Measure(hull).clearances_m(world, 0.0, 0.0, 0.0).min())
         scene = replace(scene, world=world, start_m=start_m)
-    said = {name: getattr(case, name) for name in UNTOLD if name not in untold}
-    if "braking_m_s2" in said:  # the worse of the configured and the measured deceleration
-        said["braking_m_s2"] = min(TRUSTED_M_S2, case.braking_m_s2)
+    configured = {name: getattr(case, name) for name in CONFIGURABLE if name not in left_out}
+    if "braking_m_s2" in configured:  # the worse of the configured and the measured deceleration
+        configured["braking_m_s2"] = min(TRUSTED_M_S2, case.braking_m_s2)
     scale = None if case.odometry < 0.2 else 1.0
-    return replace(scene, odometry_scale=scale, told=Told(**said))
+    return replace(scene, odometry_scale=scale, configured=Configured(**configured))
 
 
-def drive(case: Case, untold: frozenset[str] = frozenset(), *, alone: bool = True) -> Result:
+def drive(case: Case, left_out: frozenset[str] = frozenset(), *, alone: bool = True) -> Result:
     """Run one drive; without `alone`, the second result is not computed.
 
     A scene that begins nearer than the stop distance plus 10 cm counts as one that keeps its distance.
     """
-    scene = scene_of(case, untold)
+    scene = scene_of(case, left_out)
     if scene.start_m < 0.4:
         return Result(math.inf, math.inf)
     moments: list[Moment] = []
@@ -233,9 +233,9 @@ def drive(case: Case, untold: frozenset[str] = frozenset(), *, alone: bool = Tru
 
 
 def left_alone_m(scene: Scene, timeout_s: float, moments: list[Moment]) -> float:
-    """Return the least clearance if everything above the base dies at the worst tick, right after its decision.
+    """Return the least clearance if every process above the base dies at the worst tick, right after its decision.
 
-    The base then follows the decisions that are on their way, the last one for its timeout, and then zero.
+    The base then follows the decisions that are still in transit, the last one for its timeout, and then brakes to zero.
     """
     measure, dead, radius_m = Measure(scene.hull), dead_ticks(scene), scene.hull.radius_m
     outputs = [STANDSTILL] * (1 + dead) + [moment.decision.output for moment in moments]
@@ -267,7 +267,7 @@ def _followed_m(scene: Scene, measure: Measure, moment: Moment, commands: Sequen
 # --- the optimizer
 
 FIRST = 40
-"""A climb begins at the worst of this many random cases; the first one, at least at `HARD`."""
+"""A climb begins at the worst of this many random cases. In the first climb, `HARD` is one of them."""
 PATIENCE = 60
 """A climb ends after this many cases without progress."""
 CHANGED = 0.2
@@ -288,7 +288,7 @@ def search(score: Callable[[Case], float], evaluations: int, number: int) -> lis
     """Minimize a score by random steps with restarts; return the worst case of each climb.
 
     Args:
-        score: of a case.
+        score: function of a case that is minimized.
         evaluations: how often the score may be computed.
         number: seed of all random numbers.
     """
@@ -307,7 +307,7 @@ def search(score: Callable[[Case], float], evaluations: int, number: int) -> lis
             value = score(case_of(tried))
             evaluations -= 1
             idle = 0 if value < least - PROGRESS_M else idle + 1
-            if value <= least:  # equal ones too: not every parameter matters where the climb is now
+            if value <= least:  # also an equal score: not every parameter has an effect at the present case
                 genes, least = tried, value
         found.append(Found(least, case_of(genes)))
     return found
@@ -322,20 +322,20 @@ def main() -> None:
     parser.add_argument("--evaluations", type=count, default=600, help="run this many drives")
     parser.add_argument("--seed", type=seed, default=0, help="set the seed of the optimizer")
     parser.add_argument(
-        "--alone", action="store_true", help="let everything above the base die at the worst tick"
+        "--alone", action="store_true", help="let every process above the base die at the worst tick"
     )
     parser.add_argument(
-        "--untold",
+        "--leave-out",
         action="append",
         default=[],
-        choices=UNTOLD,
-        help="leave this out of the configuration; repeatable",
+        choices=CONFIGURABLE,
+        help="leave this parameter out of the configuration; repeatable",
     )
     args = parser.parse_args()
-    untold = frozenset(args.untold)
+    left_out = frozenset(args.leave_out)
 
     def score(case: Case) -> float:
-        driven_m, alone_m = drive(case, untold, alone=args.alone)
+        driven_m, alone_m = drive(case, left_out, alone=args.alone)
         return alone_m if args.alone else driven_m
 
     with failing_in_a_sentence("tests.scenes.worst"):

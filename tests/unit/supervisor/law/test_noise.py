@@ -93,7 +93,7 @@ def aisle_is_passed(outcomes: list[Outcome]) -> None:
 
 
 def test_noise_of_1_cm_does_not_stop_a_robot_in_an_aisle() -> None:
-    """Once it stopped 70 times a minute, and drove at 0.1 m/s."""
+    """With single readings, it stopped 212 times a minute, and drove at 0.33 m/s."""
     aisle_is_passed([along_an_aisle(0.03, 0.01, seed) for seed in range(5)])
 
 
@@ -113,7 +113,7 @@ def test_noise_of_3_cm_brings_a_robot_no_nearer_to_a_post(radius_m: float) -> No
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("radius_m", [0.02, 0.03, 0.1])
 def test_noise_of_3_cm_brings_a_robot_no_nearer_to_any_post(radius_m: float) -> None:
-    """A post of 4 cm has four beams. With single readings, it came to 0.287 m."""
+    """A post of 4 cm has four beams. With single readings, the robot came as near as 0.287 m."""
     outcomes = [toward_a_post(radius_m, 0.03, 100 + seed, 4.0) for seed in range(60)]
     assert min(outcome.closest_m for outcome in outcomes) >= KEPT_M
 
@@ -125,7 +125,7 @@ def test_noise_of_3_cm_brings_a_robot_no_nearer_to_any_post(radius_m: float) -> 
 def test_ten_minutes_of_rearming_at_every_tick_bring_a_robot_no_nearer(
     noise_m: float, radius_m: float
 ) -> None:
-    """With a new sample at each try, it crept to 0.2835 m in three minutes."""
+    """With single readings and noise of 3 cm, it crept to 0.272 m from a post of 4 cm."""
     outcome = toward_a_post(radius_m, noise_m, 0, 600.0, 0.5)
     assert outcome.stops["OBSTACLE"] > 10_000
     assert outcome.closest_m >= KEPT_M

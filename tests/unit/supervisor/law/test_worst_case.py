@@ -1,4 +1,4 @@
-"""The worst case that an optimizer finds; `python -m tests.scenes.worst` searches longer, and explains the parameters."""
+"""The worst case that an optimizer finds. `python -m tests.scenes.worst` searches for longer, and describes the parameters."""
 
 import math
 from dataclasses import replace
@@ -10,13 +10,13 @@ from supervisor.law.permission import TOUCH_M
 from supervisor.law.reckoning import STANDSTILL, Velocity
 from tests.scenes.operators import Scripted
 from tests.scenes.run import TICK_S, Moment, run
-from tests.scenes.scene import BOUND_M, NEAR_LOSS_M, BaseNumbers, Told
+from tests.scenes.scene import BOUND_M, NEAR_LOSS_M, BaseNumbers, Configured
 from tests.scenes.sensing import Ranges
 from tests.scenes.simple import BASE, LIDAR, plain_scene
 from tests.scenes.worst import (
+    CONFIGURABLE,
     HARD,
     RANGES,
-    UNTOLD,
     Case,
     Course,
     Result,
@@ -55,10 +55,14 @@ def test_a_base_with_a_dead_time_obeys_that_much_later() -> None:
 
 def test_a_scan_arrives_after_the_latency_of_its_lidar_and_the_configuration_says_so() -> None:
     ages_s: list[float] = []
-    for told_s in (0.0, 0.1):
+    for configured_s in (0.0, 0.1):
         moments: list[Moment] = []
         scene = plain_scene(room_m=3.0, lidars=(replace(LIDAR, latency_s=0.1),), duration_s=1.0)
-        run(replace(scene, told=Told(latency_s=told_s)), operator=Scripted(FULL), watch=moments.append)
+        run(
+            replace(scene, configured=Configured(latency_s=configured_s)),
+            operator=Scripted(FULL),
+            watch=moments.append,
+        )
         arrived = [moment for moment in moments if moment.scans][-1]
         assert arrived.now_s - arrived.scans[0][1] >= 0.1
         ages_s.append(arrived.decision.scan_age_s)
@@ -81,10 +85,10 @@ def test_a_base_that_is_left_alone_drives_on_for_dead_time_and_timeout_and_then_
 
 def test_the_configuration_contains_what_is_not_left_out() -> None:
     case = replace(MIDDLE, dead_s=0.1, latency_s=0.05, timeout_s=0.3, braking_m_s2=1.0)
-    assert scene_of(case).told == Told(1.0, 0.1, 0.05, 0.3)
-    assert scene_of(case, frozenset({"dead_s"})).told == Told(1.0, 0.0, 0.05, 0.3)
-    assert scene_of(case, frozenset({"braking_m_s2"})).told.braking_m_s2 == 1.5
-    assert scene_of(replace(case, braking_m_s2=2.0)).told.braking_m_s2 == 1.5
+    assert scene_of(case).configured == Configured(1.0, 0.1, 0.05, 0.3)
+    assert scene_of(case, frozenset({"dead_s"})).configured == Configured(1.0, 0.0, 0.05, 0.3)
+    assert scene_of(case, frozenset({"braking_m_s2"})).configured.braking_m_s2 == 1.5
+    assert scene_of(replace(case, braking_m_s2=2.0)).configured.braking_m_s2 == 1.5
 
 
 def test_a_case_is_the_same_after_it_was_printed_and_after_it_was_a_point_of_the_search() -> None:
@@ -196,7 +200,7 @@ def test_what_the_configuration_does_not_contain_costs_distance(
     """
     case = replace(AS_CONFIGURED, **numbers)  # type: ignore[arg-type]
     assert drive(case, alone=False).driven_m >= BOUND_M
-    assert drive(case, frozenset(UNTOLD) - {"timeout_s"}, alone=False).driven_m >= least_m
+    assert drive(case, frozenset(CONFIGURABLE) - {"timeout_s"}, alone=False).driven_m >= least_m
 
 
 def test_a_base_timeout_that_the_configuration_does_not_contain_may_end_in_contact() -> None:
