@@ -83,16 +83,10 @@ class LidarSection(Section):
     """None: `scan_timeout_s` if the file has it, else the profile's timeout."""
     period_s: Annotated[float, Between(0.002, 2.0)] | None = None
     """Time between two scans; None: the profile's usual period."""
-<<<<<<< HEAD
-    # A larger value is an error: scans that are half a second old show a past place of the robot.
+    # A larger value is a mistake: scans that are half a second old show a place that the robot has left.
     latency_s: Annotated[float, Between(0.0, 0.5)] | None = None
     """Constant time from the measurement to the message, which no stamp shows. None: the profile's, and the timeout counts from
     the message."""
-=======
-    # A larger value is a mistake: scans that are half a second old show a place that the robot has left.
-    latency_s: Annotated[float, Between(0.0, 0.5)] = 0.0
-    """Constant time from the measurement to the message, which no stamp shows."""
->>>>>>> b12d0766f0eda96c4bcb652eb8ea337165dcc43a
 
     view_rad: Sector | None = None
     """Angles of the first and the last beam in its own frame. Only `lifeline check` uses this key and the next two."""
@@ -441,12 +435,8 @@ class SupervisorSection(Section):
         """Return the configuration of the pure law.
 
         Args:
-<<<<<<< HEAD
-            is_base_known: whether the configuration describes the base; if not, it is slow until a stop has measured it.
-            are_mounts_known: whether the mounts of the lidars are known to be right; if not, it is slow until motion confirms them.
-=======
             is_base_known: whether the configuration describes the base. If not, the base is slow until a stop has measured it.
->>>>>>> b12d0766f0eda96c4bcb652eb8ea337165dcc43a
+            are_mounts_known: whether the mounts of the lidars are known to be right; if not, the robot is slow until motion confirms them.
         """
         same = {f.name: getattr(self, f.name) for f in fields(LawConfig) if f.name in type(self).model_fields}
         own: dict[str, Any] = {
@@ -470,30 +460,19 @@ UNMEASURED_M_S = 0.5
 touch. It is above 0.4 m/s, the least speed from which a stop measures the base."""
 
 
-<<<<<<< HEAD
 UNCONFIRMED_M_S = 0.3
 """Fastest speed of the hull until motion has confirmed where the lidars look: at 0.5 m/s, a lidar that is turned by 180 degrees was found
 after 0.62 m."""
 
 
 def is_simulated(document: Mapping[str, Any]) -> bool:
-    """Return whether a configuration, with valid sections, means the simulated robot: it says so, or describes no robot."""
+    """Return whether a configuration, with valid sections, is for the simulated robot: it says so, or describes no robot."""
     return "sim" in document or not ("supervisor" in document or "ros2" in document)
 
 
 def is_base_known(document: Mapping[str, Any]) -> bool:
-    """Return whether a configuration describes how the base brakes: itself, or because it means the simulated base."""
+    """Return whether a configuration states how the base brakes: it has the deceleration, or it is for the simulated base."""
     return is_simulated(document) or "deceleration_m_s2" in document.get("supervisor", {})
-=======
-def is_base_known(document: Mapping[str, Any]) -> bool:
-    """Return whether a configuration states how the base brakes: it has the deceleration, or it is for the simulated base.
-
-    Args:
-        document: the configuration, with valid sections. If it describes no robot, it is for the simulated one.
-    """
-    describes_robot = "supervisor" in document or "ros2" in document
-    return not describes_robot or "sim" in document or "deceleration_m_s2" in document.get("supervisor", {})
->>>>>>> b12d0766f0eda96c4bcb652eb8ea337165dcc43a
 
 
 TICKS_IN_BASE_TIMEOUT = 2.0
