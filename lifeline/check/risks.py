@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from ros2.config import Ros2Section
-from supervisor.config import UNMEASURED_M_S, NamedLidarSection, SupervisorSection
+from supervisor.config import UNCONFIRMED_M_S, UNMEASURED_M_S, NamedLidarSection, SupervisorSection
 from supervisor.law.base_braking import LEAST_SPEED_M_S
 from wire.host.config import BaseSection, BusSection
 from wire.tls import is_loopback
@@ -152,6 +152,12 @@ def _of_base(config: SupervisorSection, base: BaseSection | None) -> Iterator[Ri
             "odometry = false",
             "A base that moves without a command or ignores commands is not detected, and neither is a frozen scan while the base "
             "moves without a command.",
+        )
+    if base is None and not config.mounts_confirmed:
+        yield Risk(
+            "no mounts_confirmed",
+            f"Until a straight motion and a turn have shown where each lidar looks, the hull moves at most at {UNCONFIRMED_M_S:g} m/s; "
+            "without odometry, they cannot. Check it yourself, and set mounts_confirmed = true.",
         )
     if base is None and "deceleration_m_s2" not in config.model_fields_set:
         yield Risk(

@@ -328,12 +328,15 @@ def test_a_profile_that_asks_a_beam_to_prove_that_it_sees_creates_no_risk(tmp_pa
 
 
 def test_a_real_base_has_to_be_measured(tmp_path: Path) -> None:
-    (risk,) = report(tmp_path, "[supervisor]\ndeceleration_m_s2 = 1.5\n" + FRONT).risks
+    (risk,) = report(
+        tmp_path, "[supervisor]\ndeceleration_m_s2 = 1.5\nmounts_confirmed = true\n" + FRONT
+    ).risks
     assert (risk.setting, "measure it" in risk.sentence) == ("deceleration_m_s2 = 1.5", True)
 
 
 def test_a_real_base_without_a_number_is_slow_until_it_is_measured(tmp_path: Path) -> None:
-    (risk,) = report(tmp_path, FRONT).risks
+    mount, risk = report(tmp_path, FRONT).risks
+    assert (mount.setting, "at most at 0.3 m/s" in mount.sentence) == ("no mounts_confirmed", True)
     assert risk.setting == "no deceleration_m_s2"
     assert "at most 0.5 m/s" in risk.sentence
 
@@ -397,8 +400,8 @@ def test_the_router_of_rmw_zenoh_is_a_risk_and_the_range_of_dds_then_is_none(tmp
 
 
 def test_the_defaults_of_ros_2_add_no_risk(tmp_path: Path) -> None:
-    (risk,) = report(tmp_path, "[ros2]\n" + FRONT).risks
-    assert risk.setting == "no deceleration_m_s2"
+    risks = report(tmp_path, "[ros2]\n" + FRONT).risks
+    assert [risk.setting for risk in risks] == ["no mounts_confirmed", "no deceleration_m_s2"]
 
 
 # --- the command

@@ -240,8 +240,10 @@ def test_a_neato_at_its_own_rate_is_not_stale() -> None:
 
 def test_a_timeout_that_is_given_counts_before_the_profiles_and_the_lidars_own_before_both() -> None:
     neato = {"profile": "neato_xv"}
-    assert load(scan_timeout_s=0.4, lidar=neato).law().lidars[0].timeout_s == 0.4
-    assert load(scan_timeout_s=0.4, lidar={**neato, "timeout_s": 0.35}).law().lidars[0].timeout_s == 0.35
+    assert load(scan_timeout_s=0.4, lidar=neato).law().lidars[0].timeout_s == 0.5
+    assert (
+        load(scan_timeout_s=0.4, lidar={**neato, "timeout_s": 0.35}).law().lidars[0].timeout_s == 0.35 + 0.1
+    )
 
 
 def test_a_timeout_is_at_least_one_and_a_half_periods() -> None:
