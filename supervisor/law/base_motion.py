@@ -15,9 +15,10 @@ from supervisor.law.reckoning import STANDSTILL, Velocity
 PATIENCE_S = 0.5
 """How long the base may lag beyond its dead time; covers the latency of odometry."""
 
-LEAST_SHARE = 0.5
+LEAST_SHARE = Velocity(0.5, 0.3)
 MOST_SHARE = 1.3
-"""The base still follows at these shares of the expected speeds; covers wheel slip and payload."""
+"""The base still follows at these shares of the expected speeds; covers wheel slip and payload. A skid-steer base may turn less than half
+as fast as commanded."""
 
 SLOW = Velocity(0.1, 0.25)
 """Speeds below which friction dominates; smaller deviations are ignored."""
@@ -93,8 +94,8 @@ def follow(
     if measured is None:
         return Following(least, most, None, STANDSTILL, unresponsive=False)
     lags = (
-        _lags(measured.linear_m_s, least.linear_m_s, SLOW.linear_m_s)
-        or _lags(measured.angular_rad_s, least.angular_rad_s, SLOW.angular_rad_s)
+        _lags(measured.linear_m_s, least.linear_m_s, SLOW.linear_m_s, LEAST_SHARE.linear_m_s)
+        or _lags(measured.angular_rad_s, least.angular_rad_s, SLOW.angular_rad_s, LEAST_SHARE.angular_rad_s)
         or abs(measured.linear_m_s) > MOST_SHARE * abs(most.linear_m_s) + SLOW.linear_m_s
         or abs(measured.angular_rad_s) > MOST_SHARE * abs(most.angular_rad_s) + SLOW.angular_rad_s
     )
@@ -165,5 +166,5 @@ def _falls(most: float, commanded: float, share: float) -> float:
     return most + share * (commanded - most)
 
 
-def _lags(measured: float, least: float, slow: float) -> bool:
-    return abs(least) > slow and measured / least < LEAST_SHARE
+def _lags(measured: float, least: float, slow: float, share: float) -> bool:
+    return abs(least) > slow and measured / least < share

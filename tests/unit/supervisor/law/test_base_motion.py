@@ -85,10 +85,21 @@ FAST = Velocity(0.5, 1.0)
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_base_lags_just_below_its_share_of_the_least(axis: int, sign: float) -> None:
     commanded = Velocity(*(sign * c if a == axis else 0.0 for a, c in enumerate(FAST)))
-    share = LEAST_SHARE * commanded[axis]
+    share = LEAST_SHARE[axis] * commanded[axis]
     for value, lags in ((share, False), (math.nextafter(share, 0.0), True), (-commanded[axis], True)):
         measured = Velocity(*(value if a == axis else 0.0 for a in (0, 1)))
         assert (after(settled(commanded), commanded, measured).since_s is not None) is lags
+
+
+@pytest.mark.parametrize(("share", "follows"), [(0.45, True), (0.25, False)])
+def test_a_skid_steer_base_may_turn_less_than_half_as_fast_as_commanded(share: float, *, follows: bool) -> None:
+    """At 45 %, it was unresponsive five times in 8 s."""
+    following, commanded = FOLLOWING, Velocity(0.3, 1.5)
+    for tick in range(400):
+        measured = Velocity(0.3, share * min(1.5, 0.06 * tick))
+        following = after(following, commanded, measured, now_s=0.02 * tick, dt_s=0.02)
+        assert not (follows and following.unresponsive)
+    assert following.unresponsive is not follows
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
