@@ -30,7 +30,7 @@ from supervisor.law.base_braking import (
     Braking,
 )
 from supervisor.law.model import LawConfig
-from wire.ownership import make_directory, open_own, refusal
+from wire.ownership import make_directory, open_own, refusal, synchronise
 from wire.text import printable
 
 _log = logging.getLogger(__name__)
@@ -116,11 +116,7 @@ class BaseFile:
             file.flush()
             os.fsync(file.fileno())
         new.replace(self.path)
-        directory = os.open(self._directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        try:
-            os.fsync(directory)
-        finally:
-            os.close(directory)
+        synchronise(self._directory)
 
     def _parse(self, content: bytes) -> Shown:
         if len(content) > MAX_BYTES:

@@ -29,7 +29,7 @@ from enum import Enum, auto
 from pathlib import Path
 from typing import NamedTuple
 
-from wire.ownership import make_directory, open_lock, open_own, refusal
+from wire.ownership import make_directory, open_lock, open_own, refusal, synchronise
 from wire.text import printable
 
 _log = logging.getLogger(__name__)
@@ -145,7 +145,7 @@ class RecordFiles:
         with _saying(NOT_RECORDED):
             self._make_directory()
             self.mark(lambda: True)
-            _synchronise(self._directory)
+            synchronise(self._directory)
         # Check the lock last: a superfluous record is safe.
         with _saying(NOT_RECORDED):
             self._own()
@@ -182,7 +182,7 @@ class RecordFiles:
             with self._naming:
                 if is_wanted():
                     self._latched.unlink(missing_ok=True)
-            _synchronise(self._directory)
+            synchronise(self._directory)
 
     def prepare(self) -> None:
         """Write the file that recording a press only renames.
@@ -193,7 +193,7 @@ class RecordFiles:
         with _saying(NOT_PREPARED):
             self._own()
             self._write(self._ready, synchronised=True)
-            _synchronise(self._directory)
+            synchronise(self._directory)
 
     def holds(self, *, latched: bool) -> bool:
         """Return whether the files are still as this object left them.
@@ -229,7 +229,7 @@ class RecordFiles:
 
     def _make_directory(self) -> None:
         for made in make_directory(self._directory):
-            _synchronise(made.parent)
+            synchronise(made.parent)
 
     def _own(self) -> None:
         """Acquire the lock, so that no other supervisor's reset clears the record, in a directory of this user alone."""
@@ -261,15 +261,6 @@ class RecordFiles:
             return os.path.samestat(os.fstat(self._lock_file), os.lstat(self._lock))
         except FileNotFoundError:
             return False
-
-
-def _synchronise(directory: Path) -> None:
-    """Synchronise the entries of a directory to disk, so that they survive a power failure."""
-    file = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        os.fsync(file)
-    finally:
-        os.close(file)
 
 
 @contextmanager

@@ -41,9 +41,6 @@ EQUIVALENT = {
     # Two shares are equal only if both are zero or both are one: then either does.
     "share, blocking = min(shares, key=None, default=(1.0, None))",
     "share, blocking = min(shares, default=(1.0, None))",
-    # The innermost pair is the same, and every fourth scan a whole number.
-    "off_m = _pairs(raw_m, 2, step_rad, is_round=is_round)[0] - raw_m",
-    "number = min(before.scans / MEASURED_EVERY + 1, MEASUREMENTS)",
     # One value of a float, among those that a distance or a share may have.
     "agree = np.abs(off_m) < EXPLAINED * error_m",
     "(other,) = (np.abs(returns_m - distance_m[left, None]).min(axis=1) >= SAME_M).nonzero()",
@@ -52,7 +49,7 @@ EQUIVALENT = {
     "inside = (depth < 0.0) | (gap <= ON_HULL_M)",
     "entered = clearance <= keep - GRAZE_M - DEEP_TOLERANCE_M_S * horizon_s",
     "scale = 0.0 if on_its_arc <= PRESENT_SHARE else scale",
-    "lost[first:end] = (end - first) * step_rad >= LEAST_RAD and arc_m >= strip_m",
+    "lost[row] = len(row) * step_rad >= LEAST_RAD and arc_m >= strip_m",
     "if before_m_s > BEGUN_SHARE * braking.mean_m_s or braking.first_m_s == 0.0:",
     "stopping=mean_m_s >= LEAST_SPEED_M_S and speed_m_s > BEGUN_SHARE * mean_m_s,",
     "return (self.t * self.v - self.n * self.tv) / spread if spread >= LEAST_SPREAD_S2 else math.inf",
@@ -65,7 +62,6 @@ EQUIVALENT = {
     "if present >= limit[0]:  # the bound is convex: its left side is largest at an end",
     # numpy computes any negative dimension, and adds in a wider type by itself.
     "for first, end in edges.reshape(-2, 2).tolist():",
-    "edges = np.flatnonzero(np.diff(np.concatenate(([False], row, [False])))).reshape(-2, 2)",
     "pairs: Counts = np.add.reduce(agree.view(np.int8), dtype=None)",
     "pairs: Counts = np.add.reduce(agree.view(np.int8), )",
     "if fit.share > EXPLAINED_SHARE",

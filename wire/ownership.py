@@ -63,6 +63,15 @@ def make_directory(path: Path, mode: int = 0o700) -> list[Path]:
     return missing
 
 
+def synchronise(directory: Path) -> None:
+    """Synchronise the entries of a directory to disk, so that they survive a power failure."""
+    file = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(file)
+    finally:
+        os.close(file)
+
+
 def open_own(path: str | Path, flags: int, mode: int = 0o666) -> int:
     """Open a file, but no link; also an `opener` of `open`."""
     return os.open(path, flags | os.O_NOFOLLOW | os.O_CLOEXEC, mode)

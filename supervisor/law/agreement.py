@@ -26,7 +26,7 @@ import numpy as np
 from supervisor.law.clearance import Mask
 from supervisor.law.reckoning import Pose, between
 from supervisor.law.scan import Complex, Geometry, LaserScan, Mount, Ranges, ScanReading, View, is_full_turn
-from supervisor.law.silence import FAR_SHARE
+from supervisor.law.silence import FAR_SHARE, rows
 
 STEP_M = 0.25
 STEP_RAD = 0.4
@@ -210,12 +210,9 @@ def _blocks(same: Mask, least: int, *, is_round: bool) -> Mask:
     blocks = np.zeros(len(same), dtype=np.bool_)
     if np.count_nonzero(same) < least:
         return blocks
-    start = int(np.argmin(same)) if is_round else 0  # a beam that is not marked: no row passes over the end
-    row = np.roll(same, -start)
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], row, [False])))).reshape(-1, 2)
-    for first, end in edges[edges[:, 1] - edges[:, 0] >= least].tolist():
-        blocks[first:end] = True
-    return np.roll(blocks, start)
+    for row in rows(same, is_round=is_round):
+        blocks[row] = len(row) >= least
+    return blocks
 
 
 def explain(before: View, view: View, mount: Mount) -> frozenset[Explanation] | None:

@@ -11,8 +11,10 @@ they move, and 10° in 0.25 %.
 """
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
+import numpy.typing as npt
 
 from supervisor.law.clearance import Floats, Mask
 
@@ -42,10 +44,20 @@ def vanished(
     lost = np.zeros(len(gone), dtype=np.bool_)
     if np.count_nonzero(gone) * step_rad < LEAST_RAD:
         return lost
-    start = int(np.argmin(gone)) if is_round else 0  # a beam that is not gone: no block passes over the end
-    gone, before_m = np.roll(gone, -start), np.roll(before_m, -start)
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], gone, [False]))))
+    for row in rows(gone, is_round=is_round):
+        arc_m = step_rad * float(before_m[row].sum())
+        lost[row] = len(row) * step_rad >= LEAST_RAD and arc_m > strip_m
+    return lost
+
+
+def rows(marked: Mask, *, is_round: bool) -> Iterator[npt.NDArray[np.intp]]:
+    """Yield the indices of each row of marked beams (n,); in a full turn, a row may pass over the end.
+
+    Args:
+        marked: the marked beams; in a full turn, at least one is not marked, or the row begins with the first.
+        is_round: whether the last beam is the first beam's neighbour.
+    """
+    start = int(np.argmin(marked)) if is_round else 0  # a beam that is not marked: no row passes over it
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], np.roll(marked, -start), [False]))))
     for first, end in edges.reshape(-1, 2).tolist():
-        arc_m = step_rad * float(before_m[first:end].sum())
-        lost[first:end] = (end - first) * step_rad >= LEAST_RAD and arc_m > strip_m
-    return np.roll(lost, start)
+        yield np.arange(start + first, start + end) % len(marked)

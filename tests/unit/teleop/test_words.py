@@ -44,7 +44,7 @@ STEPS = {
     "BASE_RUNAWAY": "cut the robot's power",
     "OVERRUN": "press s to re-arm",
     "SENSOR_CONFLICT": "stop one of the two programs, press s",
-    "SENSOR_MISMATCH": "correct the lidar's yaw_rad or odometry, and restart",
+    "SENSOR_MISMATCH": "correct yaw_rad, flip or odometry, and restart",
     "BASE_UNRESPONSIVE": "check the base and its e-stop, press s",
     "ODOM_STALE": "wait for odometry, press s",
     "SCAN_INVALID": "check the lidar, press s",

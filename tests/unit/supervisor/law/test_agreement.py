@@ -460,7 +460,10 @@ def test_a_motion_that_cannot_separate_ends_no_doubt_and_one_that_can_does() -> 
     assert doubt.doubts == 1
     spun = after(ARC, 0.0, 0.0, 0.5)
     view = turned(spun)
-    assert agree(doubt, view, HERE) == doubt._replace(reference=view)
+    ruled_out = {E.MIRRORED, E.TURNS_BACK, E.MIRRORED_TURNED, E.BOTH_SIGNS}
+    assert agree(doubt, view, HERE) == doubt._replace(
+        reference=view, not_ruled_out=doubt.not_ruled_out - ruled_out
+    )
     ended = agree(doubt._replace(reference=look(START)), look(ARC), HERE)
     assert (ended.doubts, ended.explanations) == (0, frozenset())
 

@@ -92,7 +92,9 @@ def test_a_base_lags_just_below_its_share_of_the_least(axis: int, sign: float) -
 
 
 @pytest.mark.parametrize(("share", "follows"), [(0.45, True), (0.25, False)])
-def test_a_skid_steer_base_may_turn_less_than_half_as_fast_as_commanded(share: float, *, follows: bool) -> None:
+def test_a_skid_steer_base_may_turn_less_than_half_as_fast_as_commanded(
+    share: float, *, follows: bool
+) -> None:
     """At 45 %, it was unresponsive five times in 8 s."""
     following, commanded = FOLLOWING, Velocity(0.3, 1.5)
     for tick in range(400):
