@@ -46,6 +46,7 @@ HELD_KEYS = {Teleop.LAB: None, Teleop.KEYBOARD: "i"}
 CONFIG = """
 [supervisor]
 deceleration_m_s2 = 1.5
+mounts_confirmed = true
 sources = [{{ name = "teleop", priority = 100 }}, {{ name = "keyboard", priority = 90 }}]
 [ros2]
 sources = [
