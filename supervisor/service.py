@@ -16,10 +16,12 @@ from supervisor.base_record import BaseRecord, Shown
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import NO_DISK, PRESSED, MemoryRecord, Record
+from supervisor.law.certificate import Certificate, certify, foreseen
 from supervisor.law.decision import Decision, Mode
 from supervisor.law.estop_stations import Presence, TokenEnd
 from supervisor.law.interlock import Reply
 from supervisor.law.model import Inputs, LawConfig, Liveliness
+from supervisor.law.reckoning import Velocity
 from supervisor.law.safety import initial_state, runs_out_s, step
 from supervisor.law.scan import LaserScan
 from supervisor.law.sight import mounts_confirmed
@@ -105,6 +107,12 @@ class SupervisorService:
         self._resets: list[asyncio.Future[Reply]] = []
         self._estop_overflowed = self._alive_overflowed = 0
         self._last: Decision | None = None
+        self._certificate: Certificate | None = None
+        """What the last step has proven about the next one."""
+        self._commanded: Velocity | None = None
+        """The velocity that was published last."""
+        self.wrongly_foreseen = 0
+        """How often a step has decided otherwise than its certificate; always zero, unless the certificate has an error."""
         self._published: tuple[object, ...] | None = None
         """The outline of the last published status."""
         self._next_status_s = self._next_challenge_s = 0.0
@@ -181,16 +189,22 @@ class SupervisorService:
         on_tick = now_s >= self._next_tick_s
         if on_tick:
             self._next_tick_s = max(self._next_tick_s + self._tick_s, now_s)
+        early = foreseen(self._certificate, now_s, inputs) if inputs.commands else None
+        if early is not None and (on_tick or early != self._commanded):
+            self._command(early, now_s)  # before the step, which takes longer than the rest of the turn
         before = self._state
         self._state, decision = step(before, now_s, inputs)
         self._note_press(inputs, before)
-        self._publish(decision, now_s, on_tick=on_tick)
+        self._publish(decision, now_s, is_due=on_tick and early is None)
+        if early is not None and early != decision.output:
+            self._note_error(early, decision)
         if challenge:
             self._challenge(decision, challenge)
         if self._base_record is not None:
             self._base_record.keep(Shown(self._state.base.braking, mounts_confirmed(self._state.sight)))
         if self._black_box is not None:
             self._black_box.record(now_s, inputs, before, decision)
+        self._certificate = certify(self._state, decision)
         self._notifier.running(now_s)  # last: a turn that hangs anywhere reports nothing
         return min(self._next_tick_s, runs_out_s(self._state))
 
@@ -299,10 +313,24 @@ class SupervisorService:
         for station in decision.stations:
             self._challenges[station.config.name].put(to_challenge(station, number, is_stopped=is_stopped))
 
-    def _publish(self, decision: Decision, now_s: float, *, on_tick: bool) -> None:
+    def _command(self, velocity: Velocity, now_s: float) -> None:
+        self._commanded = velocity
+        self._cmd_vel.put(to_twist(velocity), now_s)
+
+    def _note_error(self, early: Velocity, decision: Decision) -> None:
+        """Count a certificate with an error; `_publish` corrects the command at once."""
+        self.wrongly_foreseen += 1
+        _log.error(
+            "certificate: %s was published, but the step decides %s (%d so far); please report this",
+            tuple(early),
+            tuple(decision.output),
+            self.wrongly_foreseen,
+        )
+
+    def _publish(self, decision: Decision, now_s: float, *, is_due: bool) -> None:
         last = self._last
-        if on_tick or last is None or decision.output != last.output:
-            self._cmd_vel.put(to_twist(decision.output), now_s)
+        if is_due or decision.output != self._commanded:
+            self._command(decision.output, now_s)
         # After cmd_vel and without waiting: the disk cannot delay the stop.
         self._estop_record.keep(latched=self._state.interlock.is_estop_latched)
         if last is not None and (news := _news_of_stations(last, decision)):

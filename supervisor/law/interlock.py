@@ -180,7 +180,7 @@ def _hear(
     passing: dict[str, list[StopReason]] = {}
     for command in inputs.commands:
         if command.source in sources:
-            source = _accept(sources[command.source], command, config)
+            source = accept(sources[command.source], command, config)
             sources[command.source] = source
             if source.invalid:
                 passing.setdefault(command.source, []).append(StopReason.COMMAND_INVALID)
@@ -214,7 +214,7 @@ def _commands(source: Source, epoch: bytes) -> bool:
     return source.track.last is not None and source.track.last.epoch == epoch
 
 
-def _accept(source: Source, command: Command, config: LawConfig) -> Source:
+def accept(source: Source, command: Command, config: LawConfig) -> Source:
     """Process one command; a refused command does not refresh the age of the last accepted one."""
     stamped, velocity = command.sent is not None, _plausible(command.velocity, config)
     if velocity is None:

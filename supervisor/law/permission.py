@@ -80,14 +80,14 @@ def points_in_reach(
     shown.extend((place, oldest_s, latest_s) for place in sight.places)
     known: list[KnownPoints] = []
     for place, age_s, next_s in shown:
-        for bound in _barriers(config, age_s, next_s, fastest):
+        for bound in barriers(config, age_s, next_s, fastest):
             points = in_reach(place, base.odometer, now_s, bound, fastest)
             if points is not None:
                 known.append(points)
     return known
 
 
-def _barriers(config: LawConfig, age_s: float, next_s: float, fastest_m_s: float) -> tuple[Barrier, ...]:
+def barriers(config: LawConfig, age_s: float, next_s: float, fastest_m_s: float) -> tuple[Barrier, ...]:
     """Return the bound that keeps the stop distance, and that of a base that gets no further command, if it may be lower.
 
     A base whose supervisor dies now keeps its speed for its own timeout, and must not touch. At speeds up to V, the second bound

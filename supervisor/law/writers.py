@@ -42,9 +42,9 @@ def heard(writers: tuple[Writer, ...], gid: bytes, arrival_s: float) -> tuple[Wr
 def conflicts(sensors: Iterable[Sensor], now_s: float) -> tuple[str, ...]:
     """Return a text for each sensor with several active writers: its name and theirs."""
     return tuple(
-        f"{sensor.name}: {' and '.join(sorted(_name_of(gid) for gid in speaking))}"
+        f"{sensor.name}: {' and '.join(sorted(_name_of(gid) for gid in active))}"
         for sensor in sensors
-        if len(speaking := _speaking(sensor, now_s)) > 1
+        if len(active := speaking(sensor.writers, sensor.timeout_s, now_s)) > 1
     )
 
 
@@ -53,7 +53,7 @@ def _name_of(gid: bytes) -> str:
     return gid.hex()[:8] if len(gid) == GID_BYTES else gid.decode(errors="replace") or "no name"
 
 
-def _speaking(sensor: Sensor, now_s: float) -> list[bytes]:
+def speaking(writers: tuple[Writer, ...], timeout_s: float, now_s: float) -> list[bytes]:
     """Return the active writers on a sensor's key: those heard twice within the window, so not after a stray message."""
-    since_s = now_s - max(WRITER_WINDOW_S, 2.5 * sensor.timeout_s)
-    return [w.gid for w in sensor.writers if w.before_s >= since_s]
+    since_s = now_s - max(WRITER_WINDOW_S, 2.5 * timeout_s)
+    return [w.gid for w in writers if w.before_s >= since_s]

@@ -12,6 +12,7 @@ import pytest
 from supervisor import service
 from supervisor.law.decision import Decision
 from supervisor.law.model import Inputs
+from supervisor.law.reckoning import Velocity
 from supervisor.law.state import State
 from tests.component.rig import Rig, laser_scan
 from virtual.loop import VirtualLoop
@@ -20,6 +21,7 @@ from wire import topics
 from wire.bus import LivelinessChange
 from wire.messages import (
     Bool,
+    Message,
     SafetyStatus,
     SourceStatus,
     Twist,
@@ -31,6 +33,11 @@ from wire.messages import (
 )
 from wire.ros import Time
 from wire.stamp import Stamp
+
+
+def nothing_foreseen(*_: object) -> None:
+    """Stands for a certificate that covers nothing."""
+
 
 ZERO = (0.0, 0.0)
 PRESSED, RELEASED = Bool(data=True), Bool(data=False)
@@ -106,6 +113,58 @@ async def test_another_command_is_obeyed_at_once_and_a_repeated_one_keeps_it_dri
             [a.arrival_s for a in heard.take() if a.message == slower] for heard in (asked, rig.cmd_vel)
         )
         assert obeyed - first < 0.001
+
+
+@pytest.mark.parametrize(
+    ("behind_m", "comes_before"), [(3.0, True), (0.55, False)], ids=["free path", "wall behind"]
+)
+async def test_a_command_on_a_free_path_is_published_before_its_step(
+    monkeypatch: pytest.MonkeyPatch, behind_m: float, *, comes_before: bool
+) -> None:
+    rig, order = Rig(), list[str]()
+    decide = service.step
+
+    def noticed(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
+        if inputs.commands and inputs.commands[-1].velocity == (0.25, 0.0):
+            order.append("step")
+        return decide(state, now_s, inputs)
+
+    def sent(node: str, _key: str, message: Message, _stamp: Stamp) -> None:
+        if node == topics.SUPERVISOR and message == planar_twist(0.25, 0.0):
+            order.append("put")
+
+    async with rig.supervisor(), rig.lidar() as ranges, rig.source():
+        ranges[:20] = ranges[-20:] = behind_m
+        await rig.drive(0.3)
+        monkeypatch.setattr(service, "step", noticed)
+        rig.network.tap = sent
+        rig.velocity = (0.25, 0.0)
+        await rig.pass_time(0.06)
+    assert order[:2] == (["put", "step"] if comes_before else ["step", "put"])
+
+
+async def test_a_step_that_decides_otherwise_than_foreseen_corrects_it_at_once_and_is_reported(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    rig, wrong = Rig(), Velocity(0.4, 0.0)
+    async with rig.supervisor(), rig.lidar(), rig.source():
+        await rig.drive(0.5)
+        rig.cmd_vel.take()
+
+        def mistaken(*_: object) -> Velocity:
+            monkeypatch.setattr(service, "foreseen", nothing_foreseen)
+            return wrong
+
+        monkeypatch.setattr(service, "foreseen", mistaken)
+        await rig.pass_time(0.1)
+        heard = itertools.dropwhile(lambda a: a.message != planar_twist(*wrong), rig.cmd_vel.take())
+        first, second, *others = heard
+    assert all(arrival.message == planar_twist(0.5, 0.0) for arrival in (second, *others))
+    assert second.arrival_s == first.arrival_s
+    (line,) = (record for record in caplog.messages if "certificate" in record)
+    assert line == (
+        "certificate: (0.4, 0.0) was published, but the step decides (0.5, 0.0) (1 so far); please report this"
+    )
 
 
 async def test_a_dead_source_stops_it_within_the_same_instant() -> None:
@@ -379,6 +438,7 @@ async def test_a_supervisor_held_up_between_deciding_and_saying_so_reports_how_o
             return decided
 
         monkeypatch.setattr(service, "step", held_up)
+        monkeypatch.setattr(service, "foreseen", nothing_foreseen)  # a command that waits for its step
         rig.velocity = (0.25, 0.0)
         await rig.pass_time(held_up_s + 0.1)
         before = planar_twist(0.5, 0.0)

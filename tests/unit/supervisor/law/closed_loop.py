@@ -14,10 +14,12 @@ import numpy.typing as npt
 
 from supervisor.config import SupervisorSection
 from supervisor.law.clearance import Circle, ConvexPolygon
+from supervisor.law.decision import Decision
 from supervisor.law.model import Command, Inputs, Odometry
 from supervisor.law.reckoning import STANDSTILL, Pose, Velocity
 from supervisor.law.safety import initial_state, step
 from supervisor.law.scan import LaserScan, Mount
+from supervisor.law.state import State
 from tests.unit.supervisor.law.law_harness import TICK_S, with_lidar
 from wire.reasons import StopReason
 
@@ -164,6 +166,8 @@ def advance(pose: Pose, twist: Velocity, dt_s: float) -> Pose:
 
 
 Step = Callable[[Velocity, float], Velocity]
+Watch = Callable[[State, Decision, Velocity, np.random.Generator], None]
+"""Called after each step with the state, the decision, the base's twist and the random numbers of the run."""
 
 
 def drive_about(
@@ -173,6 +177,7 @@ def drive_about(
     arcs: bool = True,
     changes: bool = True,
     base_step: Step | None = None,
+    watch: Watch | None = None,
 ) -> Outcome:
     """One run: an operator requests random motions, and sends neutral whenever the robot stops.
 
@@ -182,6 +187,7 @@ def drive_about(
         arcs: whether motions include arcs; else they are straight, or turns on the spot.
         changes: whether motions follow each other directly; else with one second of neutral between them.
         base_step: the base, instead of the one in this file.
+        watch: called after each step.
     """
     rng = np.random.default_rng(seed)
     hull: Circle | ConvexPolygon = Circle(float(rng.uniform(0.1, 0.35)))
@@ -230,4 +236,6 @@ def drive_about(
         command = decision.output
         state, decision = step(state, now_s, inputs)
         stops += decision.reasons == (StopReason.OBSTACLE,)
+        if watch is not None:
+            watch(state, decision, twist, rng)
     return Outcome(seed, hull, start_m, closest_m, way_m, stops)

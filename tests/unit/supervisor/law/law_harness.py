@@ -7,6 +7,7 @@ from itertools import count
 import numpy as np
 
 from supervisor.config import SupervisorSection
+from supervisor.law.certificate import certify, foreseen
 from supervisor.law.decision import Decision
 from supervisor.law.model import Command, Inputs, LawConfig, Liveliness, Odometry
 from supervisor.law.reckoning import Velocity
@@ -62,6 +63,25 @@ def laser_scan(ranges: np.ndarray, arrival_s: float) -> LaserScan:
         range_max=12.0,
         arrival_s=arrival_s,
     )
+
+
+def is_foreseen(state: State, decision: Decision, now_s: float, inputs: Inputs) -> bool:
+    """Return whether the certificate of a step foresees the next one, and check that this one decides the same.
+
+    Args:
+        state: the state after the step.
+        decision: the decision of the step.
+        now_s: the time of the next step.
+        inputs: the inputs of the next step.
+    """
+    early = foreseen(certify(state, decision), now_s, inputs)
+    if early is None:
+        return False
+    _, decided = step(state, now_s, inputs)
+    assert decided.output == early
+    assert (decided.reasons, decided.causes, decided.scale) == ((), (), 1.0)
+    assert decided.owner == decision.owner
+    return True
 
 
 _sequences = count(1)

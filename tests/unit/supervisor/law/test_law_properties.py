@@ -38,7 +38,7 @@ from supervisor.law.scan import LaserScan, Lidar, Moment, Mount, ScanReading, re
 from supervisor.law.seen_space import hidden_places
 from supervisor.law.state import State
 from tests.unit.supervisor.law.closed_loop import Outcome, drive_about
-from tests.unit.supervisor.law.law_harness import on_time, proven_state, with_lidar
+from tests.unit.supervisor.law.law_harness import is_foreseen, on_time, proven_state, with_lidar
 from wire.freshness import JUMP, Sent, Track, Verdict, judge
 from wire.reasons import StopReason
 
@@ -539,8 +539,9 @@ class Life:
         self.config = config
         self.stamps = stamps
         state = proven_state(config) if stamps == "proven" else initial_state(config)
-        self.state, _ = step(state, 1000.0, Inputs())
+        self.state, self.decision = step(state, 1000.0, Inputs())
         self.now_s = 1000.0
+        self.foreseen = 0
         self.witness = Witness(config, now_s=1000.0)
         self.sequence, self.epoch, self.skew_s, self.count = 0, 0, 500.0, 0
         self.has_odometry = False
@@ -568,6 +569,8 @@ class Life:
         before, state = self.state, self.state
         pure = self.count % 8 == 0
         seen = (plain(before), plain(inputs)) if pure else None
+        for heard in (inputs, replace(inputs, scans=())):
+            self.foreseen += is_foreseen(before, self.decision, self.now_s, heard)
         self.state, decision = step(state, self.now_s, inputs)
         if pure:
             again, same = step(state, self.now_s, inputs)
@@ -577,6 +580,7 @@ class Life:
         _check_decision(decision, self.config)
         self.witness.see(self.now_s, inputs, before, decision)
         self.witness.judge(decision)
+        self.decision = decision
         return decision
 
     def _command(self, source: str, velocity: Velocity | None, arrival_s: float) -> Command:
@@ -624,6 +628,7 @@ def _run_of(name: str, state: State) -> bytes:
 
 
 driven: list[bool] = []
+foreseen: list[bool] = []
 
 
 @examples(3200)
@@ -640,6 +645,7 @@ def test_no_life_of_the_robot_breaks_a_promise(
             decision = life.live(gap_s, commands, scan, event if n == 0 else "nothing")
             moved = moved or decision.output != STANDSTILL
     driven.append(moved)
+    foreseen.append(life.foreseen > 0)
 
 
 def test_those_lives_did_drive() -> None:
@@ -647,6 +653,7 @@ def test_those_lives_did_drive() -> None:
     if not driven:
         pytest.skip("the lives were not lived in this run")
     assert sum(driven) > 0.2 * len(driven)
+    assert sum(foreseen) > 0.1 * len(foreseen), "each certificate was compared with its step"
 
 
 @examples(600)

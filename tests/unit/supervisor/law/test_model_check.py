@@ -10,6 +10,8 @@ The law itself is run, not a model of it. States whose future cannot differ are 
 * the robot does not move: moving surroundings are tested elsewhere. Near objects are straight ahead, so only the
   existence of remembered and earlier points matters.
 
+Each certificate is compared with the step that it foresees: of each event, and of the same event without a scan.
+
 An independent monitor checks of the promise "no motion without neutral first".
 """
 
@@ -33,7 +35,7 @@ from supervisor.law.safety import step
 from supervisor.law.scan import LaserScan, Moment, ScanReading, read_scan
 from supervisor.law.state import State
 from supervisor.law.writers import WRITER_WINDOW_S
-from tests.unit.supervisor.law.law_harness import on_time, proven_state
+from tests.unit.supervisor.law.law_harness import is_foreseen, on_time, proven_state
 from wire.reasons import StopReason
 
 TICK_S = 0.125
@@ -432,29 +434,32 @@ def _the_robot_gets_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("supervisor.law.reckoning.where", where)
 
 
-def explore(events: list[Event], config: LawConfig, visit: Callable[[State], None]) -> tuple[int, int]:
-    """Visit every reachable state with every event; return the number of states and transitions."""
-    state, _ = step(proven_state(config, now_s=0.0), 0.0, Inputs())
+def explore(events: list[Event], config: LawConfig, visit: Callable[[State], None]) -> tuple[int, int, int]:
+    """Visit every reachable state with every event; return the number of states, transitions and foreseen steps."""
+    state, decision = step(proven_state(config, now_s=0.0), 0.0, Inputs())
     start = (state, Monitor())
-    queue: deque[tuple[tuple[State, Monitor], tuple[Any, ...]]] = deque([(start, ())])
+    queue: deque[tuple[tuple[State, Monitor], Decision, tuple[Any, ...]]] = deque([(start, decision, ())])
     rivals = any(STRANGER in event.writers for event in events)
     known = {_key(*start, rivals=rivals)}
-    edges = 0
+    edges = foreseen = 0
     while queue:
-        (state, monitor), way = queue.popleft()
+        (state, monitor), before, way = queue.popleft()
         visit(state)
         assert state.clock.now_s is not None
         for event in events:
             now_s = state.clock.now_s + (LATE_S if event.late else TICK_S)
-            after, decision = step(state, now_s, event.inputs(now_s, state))
+            inputs = event.inputs(now_s, state)
+            after, decision = step(state, now_s, inputs)
+            for heard in (inputs, replace(inputs, scans=())):
+                foreseen += is_foreseen(state, before, now_s, heard)
             moved_on = monitor.after(event, decision)
             _check(state, decision, moved_on, lambda event=event, way=way: [*_names(way), event.name])
             edges += 1
             key = _key(after, moved_on, rivals=rivals)
             if key not in known:
                 known.add(key)
-                queue.append(((after, moved_on), (way, event.name)))
-    return len(known), edges
+                queue.append(((after, moved_on), decision, (way, event.name)))
+    return len(known), edges, foreseen
 
 
 def _names(way: tuple[Any, ...]) -> list[str]:
@@ -495,10 +500,11 @@ def test_every_reachable_state_keeps_the_promises_and_recovers(
     alone = all(source == "teleop" for event in events for source, _ in event.commands)
     config = replace(CONFIG, sources=CONFIG.sources[:1]) if alone else CONFIG
     started_s = time.perf_counter()
-    states, edges = explore(events, config, visit)
+    states, edges, foreseen = explore(events, config, visit)
     print(
-        f"\n    checked: {name}: {states} states, {edges} edges, {len(reasons)} of {len(StopReason)} reasons, "
+        f"\n    checked: {name}: {states} states, {edges} edges, {foreseen} steps foreseen, {len(reasons)} of {len(StopReason)} reasons, "
         f"{time.perf_counter() - started_s:.0f} s"
     )
     assert states > 100
+    assert foreseen > 0
     assert reached <= reasons
