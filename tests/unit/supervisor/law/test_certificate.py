@@ -96,6 +96,15 @@ def test_names_of_unknown_sources_and_a_challenge_change_nothing() -> None:
     assert foresees(law, replace(command(law), strangers=("ghost",), station_challenge=7))
 
 
+def test_until_the_mounting_is_confirmed_each_command_waits_for_the_step() -> None:
+    law = driving(replace(CONFIG, unconfirmed_m_s=9.0))
+    assert certify(law.state, law.decision) is None
+    (lidar,) = law.state.sight.lidars
+    confirmed = lidar._replace(agreement=lidar.agreement._replace(not_ruled_out=frozenset()))
+    state = law.state._replace(sight=law.state.sight._replace(lidars=(confirmed,)))
+    assert certify(state, law.decision) is not None
+
+
 OUTSIDE = Inputs(
     liveliness=(Liveliness("teleop", alive=True),),
     scans=(laser_scan(ring(), 0.0),),
