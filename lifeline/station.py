@@ -1,0 +1,160 @@
+"""`lifeline station`: serve the page of an e-stop station to the browser of a phone."""
+
+import asyncio
+import os
+import secrets
+import socket
+import sys
+import time
+from typing import NamedTuple, NoReturn
+
+import segno
+
+from deploy.stack.errors import DeployError
+from deploy.stack.launch import Launch
+from deploy.stack.listen import bracketed, cannot_listen, is_loopback
+from deploy.stack.reach import check_may_stop, run_command
+from lifeline.command import say
+from station.admission import Address
+from station.pairing import CODE_LIFETIME_S, Pairing
+from station.relay import Relay
+from station.server import listen, serve
+from station.web import Application
+from wire.bundle import Bundle, BundleError, choose_bundle
+from wire.host.config import NAME
+from wire.host.connections import is_here
+from wire.roles import Role
+from wire.zenoh.bus import ZenohBus, open_bus
+from wire.zenoh.hub_proof import HubProof
+
+LOOPBACK = "127.0.0.1"
+CODE_LETTERS = "abcdefghjkmnpqrstuvwxyz23456789"
+"""Without those that look alike, because a code may be typed."""
+CODE_LENGTH = 12
+
+
+class Place(NamedTuple):
+    """Where the page is served."""
+
+    address: Address
+    listening: socket.socket
+    bundle: Bundle | None
+
+
+def run(launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool) -> NoReturn:
+    """Serve the page until Ctrl-C.
+
+    Args:
+        launch: the robot.
+        name: of the station, in the supervisor's configuration.
+        port: of the page.
+        is_open: whether to serve it to the local network.
+        may_open: whether to do so without asking.
+
+    Raises:
+        DeployError: the name, the certificate or the port is refused, or the person does not confirm.
+    """
+    if NAME.fullmatch(name) is None:
+        raise DeployError(
+            f"{name!r} is not a name: use small letters, digits and _ as in [[supervisor.estop_stations]]"
+        )
+    check_may_stop(launch.bus)
+    place = (
+        _open_place(launch, name, port, may_open=may_open)
+        if is_open
+        else _place((LOOPBACK, "localhost"), port, None)
+    )
+    run_command(lambda stop: _serve(stop, launch, name, place))
+
+
+def _open_place(launch: Launch, name: str, port: int, *, may_open: bool) -> Place:
+    issue = f"`lifeline keys issue {name}-page --role estop --host ADDRESS`"
+    if launch.bus.keys is None:
+        raise DeployError(
+            f"--open needs TLS: make a certificate with {issue}, and name its bundle with --keys"
+        )
+    try:
+        bundle = choose_bundle(launch.bus.keys, time.time(), part=Role.ESTOP)
+    except BundleError as error:
+        raise DeployError(str(error)) from error
+    hosts = tuple(host for host in bundle.hosts if bundle.role is Role.ESTOP and _is_reachable(host))
+    if not hosts:
+        raise DeployError(
+            f"the certificate of {bundle.name} is not one of the role estop for an address of this computer in the local "
+            f"network: issue one with {issue}"
+        )
+    if not may_open:
+        _ask(f"the page of the e-stop station {name} will be open to everybody who can reach {hosts[0]}")
+    return _place(hosts, port, bundle)
+
+
+def _is_reachable(host: str) -> bool:
+    """Return whether other computers can reach this one under a name or address."""
+    try:
+        address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0][4][0]
+        return not is_loopback(str(address)) and is_here(host)
+    except (OSError, UnicodeError):
+        return False
+
+
+def _ask(sentence: str) -> None:
+    if not sys.stdin.isatty():
+        raise DeployError("there is no terminal to confirm --open: add --yes")
+    print(f"lifeline: {sentence}. Type yes to open it: ", end="", flush=True)
+    if sys.stdin.readline().strip().lower() != "yes":
+        raise DeployError("not confirmed: the page was not opened")
+
+
+def _place(hosts: tuple[str, ...], port: int, bundle: Bundle | None) -> Place:
+    try:
+        listening = listen(hosts[0], port)
+    except OSError as error:
+        text = f"{bracketed(hosts[0])}:{port}"
+        raise cannot_listen(text, error.errno, error.strerror or str(error), "--port N") from error
+    scheme = "http" if bundle is None else "https"
+    return Place(Address(scheme, tuple(map(bracketed, hosts)), port), listening, bundle)
+
+
+async def _serve(stop: asyncio.Event, launch: Launch, name: str, place: Place) -> int:
+    loop = asyncio.get_running_loop()
+    pairing, relay = Pairing(), Relay(name, launch.bus.endpoint)
+    application = Application(name, place.address, relay, pairing, say)
+
+    def offer() -> None:
+        code = "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
+        pairing.offer(code, loop.time())
+        _print_code(place.address.url(code))
+
+    def on_line() -> None:
+        if os.read(0, 1024):
+            offer()
+        else:
+            loop.remove_reader(0)
+
+    bus: ZenohBus | None = None
+    opening = asyncio.ensure_future(open_bus(launch.bus, "client", say=say, proof=HubProof(launch.bus, say)))
+    working = [
+        asyncio.ensure_future(relay.run(stop)),
+        asyncio.ensure_future(serve(application, place.listening, place.bundle, stop)),
+    ]
+    offer()
+    if sys.stdin.isatty():
+        loop.add_reader(0, on_line)
+        say("Enter: a new code; Ctrl-C: end")
+    try:
+        await asyncio.wait({opening, *working}, return_when=asyncio.FIRST_COMPLETED)
+        if opening.done():
+            bus = opening.result()
+            relay.join(bus)
+        await asyncio.gather(*working)
+    finally:
+        opening.cancel()
+        if bus is not None:
+            await bus.close()
+    return 0
+
+
+def _print_code(url: str) -> None:
+    if sys.stdout.isatty() and "utf" in sys.stdout.encoding.lower():
+        segno.make(url, micro=False).terminal(compact=True)
+    say(f"open {url} within {CODE_LIFETIME_S:.0f} s, in one browser")
