@@ -6,7 +6,7 @@ import secrets
 import socket
 import sys
 import time
-from typing import NamedTuple, NoReturn
+from typing import NoReturn
 
 import segno
 
@@ -18,7 +18,7 @@ from lifeline.command import say
 from station.admission import Address
 from station.pairing import CODE_LIFETIME_S, Pairing
 from station.relay import Relay
-from station.server import listen, serve
+from station.server import MAX_CONNECTIONS, serve
 from station.web import Application
 from wire.bundle import Bundle, BundleError, choose_bundle
 from wire.host.config import NAME
@@ -27,18 +27,10 @@ from wire.roles import Role
 from wire.zenoh.bus import ZenohBus, open_bus
 from wire.zenoh.hub_proof import HubProof
 
-LOOPBACK = "127.0.0.1"
+LOOPBACK = ("127.0.0.1", "localhost")
 CODE_LETTERS = "abcdefghjkmnpqrstuvwxyz23456789"
 """Without those that look alike, because a code may be typed."""
 CODE_LENGTH = 12
-
-
-class Place(NamedTuple):
-    """Where the page is served."""
-
-    address: Address
-    listening: socket.socket
-    bundle: Bundle | None
 
 
 def run(launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool) -> NoReturn:
@@ -59,15 +51,23 @@ def run(launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool) 
             f"{name!r} is not a name: use small letters, digits and _ as in [[supervisor.estop_stations]]"
         )
     check_may_stop(launch.bus)
-    place = (
-        _open_place(launch, name, port, may_open=may_open)
-        if is_open
-        else _place((LOOPBACK, "localhost"), port, None)
-    )
-    run_command(lambda stop: _serve(stop, launch, name, place))
+    hosts, bundle = _open_hosts(launch, name, may_open=may_open) if is_open else (LOOPBACK, None)
+    family = socket.AF_INET6 if ":" in hosts[0] else socket.AF_INET
+    try:
+        listening = socket.create_server((hosts[0], port), family=family, backlog=MAX_CONNECTIONS)
+    except OSError as error:
+        text = f"{bracketed(hosts[0])}:{port}"
+        raise cannot_listen(text, error.errno, error.strerror or str(error), "--port N") from error
+    address = Address("http" if bundle is None else "https", tuple(map(bracketed, hosts)), port)
+    run_command(lambda stop: _serve(stop, launch, name, address, listening, bundle))
 
 
-def _open_place(launch: Launch, name: str, port: int, *, may_open: bool) -> Place:
+def _open_hosts(launch: Launch, name: str, *, may_open: bool) -> tuple[tuple[str, ...], Bundle]:
+    """Return the names of this computer in the local network, and the bundle with the certificate for them.
+
+    Raises:
+        DeployError: there is no such certificate, or the person does not confirm.
+    """
     issue = f"`lifeline keys issue {name}-page --role estop --host ADDRESS`"
     if launch.bus.keys is None:
         raise DeployError(
@@ -84,8 +84,8 @@ def _open_place(launch: Launch, name: str, port: int, *, may_open: bool) -> Plac
             f"network: issue one with {issue}"
         )
     if not may_open:
-        _ask(f"the page of the e-stop station {name} will be open to everybody who can reach {hosts[0]}")
-    return _place(hosts, port, bundle)
+        _ask(f"everybody who can reach {hosts[0]} will see the page of the e-stop station {name}")
+    return hosts, bundle
 
 
 def _is_reachable(host: str) -> bool:
@@ -105,25 +105,22 @@ def _ask(sentence: str) -> None:
         raise DeployError("not confirmed: the page was not opened")
 
 
-def _place(hosts: tuple[str, ...], port: int, bundle: Bundle | None) -> Place:
-    try:
-        listening = listen(hosts[0], port)
-    except OSError as error:
-        text = f"{bracketed(hosts[0])}:{port}"
-        raise cannot_listen(text, error.errno, error.strerror or str(error), "--port N") from error
-    scheme = "http" if bundle is None else "https"
-    return Place(Address(scheme, tuple(map(bracketed, hosts)), port), listening, bundle)
-
-
-async def _serve(stop: asyncio.Event, launch: Launch, name: str, place: Place) -> int:
+async def _serve(
+    stop: asyncio.Event,
+    launch: Launch,
+    name: str,
+    address: Address,
+    listening: socket.socket,
+    bundle: Bundle | None,
+) -> int:
     loop = asyncio.get_running_loop()
     pairing, relay = Pairing(), Relay(name, launch.bus.endpoint)
-    application = Application(name, place.address, relay, pairing, say)
+    application = Application(name, address, relay, pairing, say)
 
     def offer() -> None:
         code = "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
         pairing.offer(code, loop.time())
-        _print_code(place.address.url(code))
+        _print_code(address.url(code))
 
     def on_line() -> None:
         if os.read(0, 1024):
@@ -135,7 +132,7 @@ async def _serve(stop: asyncio.Event, launch: Launch, name: str, place: Place) -
     opening = asyncio.ensure_future(open_bus(launch.bus, "client", say=say, proof=HubProof(launch.bus, say)))
     working = [
         asyncio.ensure_future(relay.run(stop)),
-        asyncio.ensure_future(serve(application, place.listening, place.bundle, stop)),
+        asyncio.ensure_future(serve(application, listening, bundle, stop)),
     ]
     offer()
     if sys.stdin.isatty():

@@ -1,7 +1,7 @@
 """The web page of an e-stop station: the browser of a phone holds the lease (`lifeline station`). It cannot drive.
 
     pairing.py    who may hold the lease: one-time codes and sessions (pure)
-    admission.py  which requests and messages are served: Host, Origin, rate (pure)
+    admission.py  which requests are served: Host and Origin (pure)
     messages.py   the messages between page and server (pure)
     relay.py      carries leases between the pages and the supervisor
     web.py        the page and its websocket

@@ -7,11 +7,10 @@ The numbers of a lease have 64 bits, more than a JavaScript number, and are text
 
 import json
 import re
-from dataclasses import dataclass
 from typing import cast
 
 from wire import foreign
-from wire.message_types import EstopLease, EstopStationStatus, SafetyStatus
+from wire.message_types import EstopLease, SafetyStatus
 from wire.reasons import StopReason
 from wire.text import printable
 
@@ -26,25 +25,17 @@ class BadMessageError(ValueError):
     """A text is not a message of the page."""
 
 
-@dataclass(frozen=True, slots=True)
-class Hello:
-    """The first message of a page; one of both is empty."""
-
-    code: str = ""
-    token: str = ""
-
-
-def read_hello(text: str) -> Hello:
-    """Return the first message of a page.
+def read_hello(text: str) -> tuple[str, str]:
+    """Return the code and the token in the first message of a page; one of both is empty.
 
     Raises:
         BadMessageError: it is not one.
     """
-    match _fields(text):
-        case {"code": str(code), **others} if not others and 0 < len(code) <= MAX_SECRET:
-            return Hello(code=code)
-        case {"token": str(token), **others} if not others and 0 < len(token) <= MAX_SECRET:
-            return Hello(token=token)
+    match fields := _fields(text):
+        case {"code": str(code)} if len(fields) == 1 and len(code) <= MAX_SECRET:
+            return code, ""
+        case {"token": str(token)} if len(fields) == 1 and len(token) <= MAX_SECRET:
+            return "", token
         case _:
             raise BadMessageError("not the first message of a page")
 
@@ -55,11 +46,9 @@ def read_lease(text: str) -> EstopLease:
     Raises:
         BadMessageError: it is not one.
     """
-    match _fields(text):
-        case {"challenge": str(challenge), "response": str(response), "stop": bool(stop), **others} if (
-            not others
-        ):
-            return EstopLease(_number(challenge, at_least=1), _number(response), stop=stop)
+    match fields := _fields(text):
+        case {"challenge": str(challenge), "response": str(response), "stop": bool(stop)} if len(fields) == 3:
+            return EstopLease(_number(challenge), _number(response), stop=stop)
         case _:
             raise BadMessageError("not a lease")
 
@@ -69,13 +58,11 @@ def _fields(text: str) -> dict[str, object]:
         document = foreign.from_json(text)
     except foreign.ForeignError as error:
         raise BadMessageError("not JSON") from error
-    if not isinstance(document, dict):
-        raise BadMessageError("not an object")
-    return cast("dict[str, object]", document)
+    return cast("dict[str, object]", document) if isinstance(document, dict) else {}
 
 
-def _number(digits: str, at_least: int = 0) -> int:
-    if DIGITS.fullmatch(digits) is None or not at_least <= int(digits) <= MAX_NUMBER:
+def _number(digits: str) -> int:
+    if DIGITS.fullmatch(digits) is None or int(digits) > MAX_NUMBER:
         raise BadMessageError("not a number of 64 bits")
     return int(digits)
 
@@ -87,51 +74,38 @@ def welcome(station: str, token: str) -> str:
 
 def lease(message: EstopLease) -> str:
     """Return the supervisor's side of the lease."""
-    fields = {"challenge": str(message.challenge), "response": str(message.response), "stop": message.stop}
-    return json.dumps({"kind": "lease", **fields})
+    numbers = {"challenge": str(message.challenge), "response": str(message.response)}
+    return json.dumps({"kind": "lease", **numbers, "stop": message.stop})
 
 
-@dataclass(frozen=True, slots=True)
-class View:
-    """What a page shows besides its lease."""
+def is_latched(status: SafetyStatus | None) -> bool:
+    """Return whether a status shows a latched e-stop."""
+    return status is not None and StopReason.ESTOP in status.reasons
 
-    station: str
-    endpoint: str
-    is_connected: bool = False
-    has_rival: bool = False
-    """Whether another page or program is the same station."""
-    status: SafetyStatus | None = None
-    """The newest status; None if it is missing or outdated."""
 
-    @property
-    def own(self) -> EstopStationStatus | None:
-        """This station in the status; None if it is not configured."""
-        stations = () if self.status is None else self.status.estop_stations
-        return next((one for one in stations if one.name == self.station), None)
+def view(station: str, endpoint: str, status: SafetyStatus | None, *, has_rival: bool) -> str:
+    """Return what a page shows besides its lease.
 
-    @property
-    def is_latched(self) -> bool:
-        """Whether the status shows a latched e-stop."""
-        return self.status is not None and StopReason.ESTOP in self.status.reasons
-
-    def problem(self) -> str:
-        """Return why the page is not heard, if it is not."""
-        if not self.is_connected or self.status is None:
-            return f"waiting for the supervisor at {printable(self.endpoint)}"
-        if self.has_rival:
-            return f"another page or program is the station {self.station}: end it, or use another name"
-        if self.own is None:
-            return f"the supervisor has no station {self.station}: add it to [[supervisor.estop_stations]]"
-        return "the robot does not hear this station"
-
-    def text(self) -> str:
-        """Return the message to the page."""
-        return json.dumps(
-            {
-                "kind": "view",
-                "problem": self.problem(),
-                "reasons": "" if self.status is None else printable(self.status.why()),
-                "latched": self.is_latched,
-                "required": self.own is not None and self.own.required,
-            }
-        )
+    Args:
+        station: the name of the station.
+        endpoint: of the supervisor.
+        status: the newest one; None if it is missing or outdated.
+        has_rival: whether another page or program is the same station.
+    """
+    stations = [] if status is None else status.estop_stations
+    own = next((one for one in stations if one.name == station), None)
+    if status is None:
+        problem = f"Waiting for the supervisor at {printable(endpoint)}."
+    elif has_rival:
+        problem = f"Another page or program is the station {station}: close it, or use another name."
+    elif own is None:
+        problem = f"The supervisor has no station {station}: add it to [[supervisor.estop_stations]]."
+    else:
+        problem = "The robot does not hear this station."
+    fields = {
+        "problem": problem,  # why the page is not heard, if it is not
+        "reasons": "" if status is None else printable(status.why()),
+        "latched": is_latched(status),
+        "required": own is not None and own.required,
+    }
+    return json.dumps({"kind": "view", **fields})

@@ -1,4 +1,4 @@
-"""Who may hold the lease: a code pairs one page, once, and the session that it gets may reconnect (pure).
+"""Who may hold the lease: a code pairs one page, once, and the session that it gets may connect again (pure).
 
 Nothing is stored: after a restart of the server, each page needs a new code.
 """
@@ -29,9 +29,7 @@ class Pairing:
     """The present code and the sessions. All times are of one monotonic clock."""
 
     def __init__(self) -> None:
-        self._code = ""
-        self._code_ends_s = 0.0
-        self._wrong_codes = 0
+        self._code, self._code_ends_s, self._wrong_codes = "", 0.0, 0
         self._sessions: list[Session] = []
 
     def offer(self, code: str, now_s: float) -> None:
@@ -66,11 +64,8 @@ class Pairing:
         return session
 
     def resume(self, token: str, now_s: float) -> Session | None:
-        """Return the session of a page that connects again, and count the connection; None if it has ended or never existed."""
-        found = [
-            one for one in self._sessions if _equal(token, one.token)
-        ]  # compares with all, in constant time
-        for session in found:
+        """Return the session of a page that connects again; None if it has ended or never existed."""
+        for session in [one for one in self._sessions if _equal(token, one.token)]:
             session.connections_left -= 1
             if session.connections_left >= 0 and now_s <= session.ends_s:
                 return session
@@ -79,4 +74,5 @@ class Pairing:
 
 
 def _equal(given: str, wanted: str) -> bool:
+    """Compare in constant time; a text of JSON may contain what no UTF-8 has."""
     return hmac.compare_digest(given.encode(errors="surrogatepass"), wanted.encode())

@@ -1,6 +1,6 @@
 """Carries leases between the pages and the supervisor.
 
-Each page is a run of the station of its own, with its own epoch and token, as a second `lifeline estop --name` would be: the supervisor
+Each page is a run of the station, with its own epoch and token, as a second `lifeline estop --name` would be: the supervisor
 gives the lease to one of them, and the press of each counts. The relay answers no challenge itself and repeats nothing, so
 the lease ends with the answers of the page, and at once when its connection ends.
 """
@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from station import messages
-from station.messages import View
 from wire import topics
 from wire.bus import Bus, Publisher, Token, woken_by
 from wire.message_types import EstopLease, SafetyStatus
@@ -58,7 +57,7 @@ class Relay:
         self._epochs: set[bytes] = set()
         """Of all runs of this station that are alive, also those of other programs."""
         self._bus: Bus | None = None
-        self._status: tuple[float, SafetyStatus] | None = None
+        self._newest: tuple[float, SafetyStatus] | None = None
         self._next_show_s = 0.0
 
     @property
@@ -73,7 +72,7 @@ class Relay:
         self._challenges = bus.subscribe(topics.estop_challenge(self._name), wake=self._wake)
         self._statuses = bus.subscribe(topics.STATUS, wake=self._wake)
         self._others = bus.watch_alive(self._wake, [node])
-        self._node_token = bus.declare_alive(node)
+        self._token = bus.declare_alive(node)
         self._bus = bus
         for run in self._runs:
             self._begin(run, bus)
@@ -84,7 +83,8 @@ class Relay:
         self._runs.append(run)
         if self._bus is not None:
             self._begin(run, self._bus)
-        self._show_soon()
+        self._next_show_s = 0.0
+        self._wake.set()
         return run
 
     def _begin(self, run: Run, bus: Bus) -> None:
@@ -101,25 +101,21 @@ class Relay:
 
         A press is also sent as an e-stop, until a status shows it: one message can get lost.
         """
-        if run not in self._runs:
-            return False
-        if run.presence is None:
-            return True
-        run.presence.put(message)
-        is_new = message.stop and not run.is_pressed
-        run.is_pressed = message.stop
-        if is_new or (message.stop and not self._view(run).is_latched):
-            self._estop.put(Bool(data=True))
-        return True
+        if run in self._runs and run.presence is not None:
+            run.presence.put(message)
+            is_new = not run.is_pressed
+            run.is_pressed = message.stop
+            if message.stop and (is_new or not messages.is_latched(self._status())):
+                self._estop.put(Bool(data=True))
+        return run in self._runs
 
     def leave(self, run: Run) -> None:
-        """End the run of a page whose connection has ended, unless it has ended before: the lease ends with its token."""
-        if run not in self._runs:
-            return
-        self._runs.remove(run)
-        if run.token is not None and run.presence is not None:
-            run.token.withdraw()
-            self._unused.append(run.presence)
+        """End the run of a page, unless it has ended before: the lease ends with its token."""
+        if run in self._runs:
+            self._runs.remove(run)
+            if run.token is not None and run.presence is not None:
+                run.token.withdraw()
+                self._unused.append(run.presence)
 
     async def run(self, stop: asyncio.Event) -> None:
         """Pass on the supervisor's messages until `stop`."""
@@ -137,34 +133,24 @@ class Relay:
     def _turn(self, now_s: float) -> None:
         is_due = now_s >= self._next_show_s
         if self._bus is not None:
-            challenge = self._challenges.latest()
+            challenge, status = self._challenges.latest(), self._statuses.latest()
             if challenge is not None and challenge.message is not None:
-                text = messages.lease(challenge.message)
                 for run in self._runs:
-                    run.page.show("lease", text)
-            status = self._statuses.latest()
+                    run.page.show("lease", messages.lease(challenge.message))
             if status is not None and status.message is not None:
-                self._status, is_due = (status.arrival_s, status.message), True
+                self._newest, is_due = (status.arrival_s, status.message), True
             for change in self._others.take():
                 if change.epoch:
                     (self._epochs.add if change.alive else self._epochs.discard)(change.epoch)
         if is_due:
             self._next_show_s = now_s + SHOW_PERIOD_S
             for run in self._runs:
-                run.page.show("view", self._view(run).text())
+                own = set[bytes]() if run.presence is None else {run.presence.epoch}
+                rivals, status = self._epochs - own, self._status()
+                text = messages.view(self._name, self._endpoint, status, has_rival=bool(rivals))
+                run.page.show("view", text)
 
-    def _show_soon(self) -> None:
-        self._next_show_s = 0.0
-        self._wake.set()
-
-    def _view(self, run: Run) -> View:
-        own = b"" if run.presence is None else run.presence.epoch
-        now_s, status = asyncio.get_running_loop().time(), self._status
-        is_fresh = status is not None and now_s - status[0] <= STATUS_LIMIT_S
-        return View(
-            self._name,
-            self._endpoint,
-            is_connected=self._bus is not None,
-            has_rival=bool(self._epochs - {own}),
-            status=status[1] if status is not None and is_fresh else None,
-        )
+    def _status(self) -> SafetyStatus | None:
+        if self._newest is None or asyncio.get_running_loop().time() - self._newest[0] > STATUS_LIMIT_S:
+            return None
+        return self._newest[1]

@@ -24,39 +24,10 @@ class _Server(uvicorn.Server):
         yield
 
 
-def listen(host: str, port: int) -> socket.socket:
-    """Return a listening socket.
-
-    Args:
-        host: an address of this machine, or a name of one.
-        port: 0 for any free port.
-
-    Raises:
-        OSError: it cannot listen there.
-    """
-    family, kind, number, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-    listening = socket.socket(family, kind, number)
-    try:
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listening.bind(address)
-        listening.listen(MAX_CONNECTIONS)
-    except OSError:
-        listening.close()
-        raise
-    return listening
-
-
 async def serve(
     application: Application, listening: socket.socket, bundle: Bundle | None, stop: asyncio.Event
 ) -> None:
-    """Serve until `stop`.
-
-    Args:
-        application: what is served.
-        listening: closed at the end.
-        bundle: the certificate and the key for TLS; None: without TLS.
-        stop: ends the server.
-    """
+    """Serve until `stop`, with the certificate of the bundle; without one, without TLS. It closes the socket."""
     config = uvicorn.Config(
         application,
         http="h11",
@@ -77,9 +48,11 @@ async def serve(
         ssl_keyfile=None if bundle is None else bundle.key,
     )
     server = _Server(config)
-    serving = asyncio.ensure_future(server.serve(sockets=[listening]))
-    stopping = asyncio.ensure_future(stop.wait())
-    await asyncio.wait({serving, stopping}, return_when=asyncio.FIRST_COMPLETED)
-    stopping.cancel()
-    server.should_exit = True
-    await serving
+
+    async def end() -> None:
+        await stop.wait()
+        server.should_exit = True
+
+    ending = asyncio.ensure_future(end())
+    await server.serve(sockets=[listening])
+    ending.cancel()

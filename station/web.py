@@ -9,7 +9,6 @@ import secrets
 from collections.abc import Callable
 from contextlib import suppress
 from importlib.resources import files
-from typing import TypeVar
 
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -19,26 +18,19 @@ from starlette.types import Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from station import messages
-from station.admission import RESPONSE_HEADERS, Address, Rate
-from station.messages import BadMessageError, Hello
+from station.admission import RESPONSE_HEADERS, Address
+from station.messages import BadMessageError
 from station.pairing import Pairing, Session
 from station.relay import Relay, Run
 
 _log = logging.getLogger(__name__)
 
-T = TypeVar("T")
-
-FILES = {
-    "/": ("index.html", "text/html"),
-    "/station.js": ("station.js", "text/javascript"),
-    "/lease.js": ("lease.js", "text/javascript"),
-    "/style.css": ("style.css", "text/css"),
-}
-MAX_UNPAIRED = 8
-"""Websockets that have not been paired yet."""
+FILES = {"index.html": "html", "station.js": "javascript", "lease.js": "javascript", "style.css": "css"}
 HELLO_LIMIT_S = 5.0
 SILENCE_S = 1.0
 """The lease has ended long before; then the connection ends, too, so that the page can connect again."""
+MAX_MESSAGES_PER_S = 100
+"""A page sends about 20 a second: the answers to the challenges."""
 
 
 class ClosingError(Exception):
@@ -49,11 +41,11 @@ class ClosingError(Exception):
         self.code, self.sentence = code, sentence
 
 
-NOT_PAIRED = ClosingError(4401, "not paired: open the address with a new code, which the terminal shows")
-BAD_MESSAGE = ClosingError(4400, "the page's message was refused: open the address with a new code")
-SILENT = ClosingError(4408, "the page was silent")
-REPLACED = ClosingError(4409, "the page has a newer connection")
-TOO_MANY_PAGES = ClosingError(4429, "too many pages of this station are open: close one")
+NOT_PAIRED = ClosingError(4401, "Not paired: open the address with a new code, which the terminal shows.")
+BAD_MESSAGE = ClosingError(4400, "The page's messages were refused.")
+SILENT = ClosingError(4408, "The page was silent.")
+REPLACED = ClosingError(4409, "The page has a newer connection.")
+TOO_MANY_PAGES = ClosingError(4429, "Too many pages of this station are open: close one.")
 
 
 class Socket:
@@ -71,8 +63,7 @@ class Socket:
     async def write(self) -> None:
         """Send what waits, until the connection ends."""
         with suppress(WebSocketDisconnect, RuntimeError):  # RuntimeError: it is being closed
-            while True:
-                await self._wake.wait()
+            while await self._wake.wait():
                 self._wake.clear()
                 while self._waiting:
                     await self._websocket.send_text(self._waiting.pop(next(iter(self._waiting))))
@@ -111,10 +102,8 @@ class Application:
         self, name: str, address: Address, relay: Relay, pairing: Pairing, say: Callable[[str], None]
     ) -> None:
         self._name, self._address, self._relay, self._pairing, self._say = name, address, relay, pairing, say
-        self._unpaired = 0
         self._runs: dict[Session, Run] = {}
-        page = files("station") / "page"
-        routes = [_route(path, (page / file).read_bytes(), kind) for path, (file, kind) in FILES.items()]
+        routes = [_route(file, kind) for file, kind in FILES.items()]
         self._inner = Starlette(routes=[*routes, WebSocketRoute("/lease", self._on_websocket)])
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -136,15 +125,13 @@ class Application:
             await refused(scope, receive, send_with_headers)
 
     async def _on_websocket(self, websocket: WebSocket) -> None:
-        if self._unpaired >= MAX_UNPAIRED:
-            await websocket.close()
-            return
         try:
             await websocket.accept()
             await self._serve(Socket(websocket))
         except WebSocketDisconnect:
             return
-        except ClosingError as closing:
+        except (ClosingError, BadMessageError) as error:
+            closing = error if isinstance(error, ClosingError) else BAD_MESSAGE
             with suppress(WebSocketDisconnect, RuntimeError):  # it has ended meanwhile
                 await websocket.close(closing.code, closing.sentence)
         except Exception:
@@ -152,18 +139,8 @@ class Application:
             raise
 
     async def _serve(self, socket: Socket) -> None:
-        """Pair a page and hold its lease.
-
-        Raises:
-            WebSocketDisconnect: the connection has ended.
-            ClosingError: the server ends it.
-        """
-        self._unpaired += 1
-        try:
-            text = await socket.read(HELLO_LIMIT_S)
-        finally:
-            self._unpaired -= 1
-        session = self._admit(_read(messages.read_hello, text))
+        """Pair a page and hold its lease, until the connection ends, or the server ends it with an error."""
+        session = self._admit(*messages.read_hello(await socket.read(HELLO_LIMIT_S)))
         if (before := self._runs.pop(session, None)) is not None:
             self._relay.leave(before)
         if self._relay.is_full:
@@ -177,17 +154,15 @@ class Application:
         finally:
             self._relay.leave(run)
             writing.cancel()
-            if self._runs.get(session) is run:
-                del self._runs[session]
             self._say(f"{self._name}: the connection to a page has ended")
 
-    def _admit(self, hello: Hello) -> Session:
+    def _admit(self, code: str, token: str) -> Session:
         now_s = asyncio.get_running_loop().time()
         had_code = self._pairing.has_code(now_s)
         session = (
-            self._pairing.resume(hello.token, now_s)
-            if hello.token
-            else self._pairing.pair(hello.code, secrets.token_urlsafe(32), now_s)
+            self._pairing.resume(token, now_s)
+            if token
+            else self._pairing.pair(code, secrets.token_urlsafe(32), now_s)
         )
         if session is None:
             if had_code and not self._pairing.has_code(now_s):
@@ -197,24 +172,20 @@ class Application:
 
     async def _hold(self, socket: Socket, run: Run) -> None:
         loop = asyncio.get_running_loop()
-        rate = Rate(loop.time())
+        since_s, count = loop.time(), 0
         while True:
-            lease = _read(messages.read_lease, await socket.read(SILENCE_S))
+            lease = messages.read_lease(await socket.read(SILENCE_S))
             if not self._relay.hear(run, lease):
                 raise REPLACED
-            if not rate.allows(loop.time()):
+            since_s, count = (since_s, count + 1) if loop.time() - since_s < 1.0 else (loop.time(), 1)
+            if count > MAX_MESSAGES_PER_S:
                 raise BAD_MESSAGE
 
 
-def _read(read: Callable[[str], T], text: str) -> T:
-    try:
-        return read(text)
-    except BadMessageError as error:
-        raise BAD_MESSAGE from error
+def _route(file: str, kind: str) -> Route:
+    content = (files("station") / "page" / file).read_bytes()
 
-
-def _route(path: str, content: bytes, kind: str) -> Route:
     async def respond(_: Request) -> Response:
-        return Response(content, media_type=kind)
+        return Response(content, media_type=f"text/{kind}")
 
-    return Route(path, respond)
+    return Route("/" if file == "index.html" else f"/{file}", respond)

@@ -135,7 +135,7 @@ def station(
     name: Annotated[
         str, option("--name", "NAME", "Name of the e-stop station in the configuration.")
     ] = "phone",
-    port: Annotated[int, option("--port", "N", "Port of the page.", min=1, max=65535)] = 8470,
+    port: Annotated[int, option("--port", "N", "Port of the page.", min=1024, max=65535)] = 8470,
     is_open: Annotated[
         bool,
         typer.Option(

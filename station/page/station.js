@@ -11,8 +11,9 @@ const HANGS_S = 1;
 const NOT_PAIRED = 4401;
 const NO_STOP_KEYS = /^(Tab|Shift|Control|Alt|AltGraph|Meta|CapsLock|NumLock|F\d+)$/;
 
-const element = (id) => document.getElementById(id);
 const now_s = () => performance.now() / 1000;
+const element = (id) => document.getElementById(id);
+const release = element("release");
 
 let lease = leases.NEW;
 let socket = null;
@@ -27,7 +28,6 @@ let confirmedAfter_s = NaN;
 // --- the connection
 
 function takeCode() {
-  if (location.hash.length < 2) return;
   code = decodeURIComponent(location.hash.slice(1));
   history.replaceState(null, "", location.pathname);
 }
@@ -40,115 +40,95 @@ function connect() {
     code = "";
   };
   own.onmessage = (event) => own === socket && onMessage(JSON.parse(event.data));
-  own.onclose = (event) => own === socket && onClose(event.code, event.reason);
+  own.onclose = (event) => own === socket && disconnected(event.reason, event.code);
 }
 
 function onMessage(message) {
-  if (message.kind === "welcome") {
+  if (message.kind === "view") {
+    view = message;
+  } else if (message.kind === "welcome") {
     ({ station, token } = message);
     isWelcome = true;
-    send();
-  } else if (message.kind === "lease") {
-    lease = leases.received(lease, message);
-    if (leases.isPressed(lease) && leases.isConfirmed(lease) && Number.isNaN(confirmedAfter_s)) {
-      confirmedAfter_s = now_s() - lease.pressed_s;
-    }
-    send();
+    change(lease);
   } else {
-    view = message;
+    change(leases.received(lease, message));
   }
-  render();
 }
 
-function onClose(number, reason) {
+function disconnected(why, number = 0) {
   socket = null;
   isWelcome = false;
   lease = leases.disconnected(lease);
-  ending = reason;
+  ending = why;
   if (number === NOT_PAIRED) token = "";
-  else setTimeout(connect, RETRY_S * 1000);
+  setTimeout(connect, RETRY_S * 1000);
   render();
 }
 
 // The lease ends with the connection, at once.
 function disconnect(why) {
-  if (socket === null) return;
   const own = socket;
-  onClose(0, why);
-  own.close();
+  disconnected(why);
+  own?.close();
 }
 
-function send() {
+// The supervisor learns of each change in the same event.
+function change(next) {
   const random = crypto.getRandomValues(new BigUint64Array(1))[0];
-  const [next, message] = leases.sent(lease, String((random >> 1n) + 1n), now_s());
-  lease = next;
+  const [after, message] = leases.sent(next, String(random), now_s());
+  if (!leases.isConfirmed(lease) && leases.isConfirmed(after)) confirmedAfter_s = now_s() - after.pressed_s;
+  lease = after;
   if (isWelcome && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+  render();
 }
 
 // --- the button
 
 function press(event) {
   event.preventDefault();
-  if (!leases.isPressed(lease)) confirmedAfter_s = NaN;
-  lease = leases.pressed(lease, now_s());
-  send();
-  render();
+  change(leases.pressed(lease, now_s()));
 }
 
 element("stop").addEventListener("pointerdown", press);
 element("stop").addEventListener("click", press); // of assistive technology, which sends no other event
 addEventListener("keydown", (event) => {
-  if (event.target === element("release") || event.ctrlKey || event.altKey || event.metaKey) return;
-  if (!event.repeat && !NO_STOP_KEYS.test(event.key)) press(event);
+  if (event.repeat || event.target === release || event.ctrlKey || event.altKey || event.metaKey) return;
+  if (!NO_STOP_KEYS.test(event.key)) press(event);
 });
+addEventListener("contextmenu", (event) => event.preventDefault()); // of a long touch
 
 let releasing = 0;
-function beginRelease(event) {
-  if (event.repeat || (event.type === "keydown" && event.key !== " " && event.key !== "Enter")) return;
-  event.stopPropagation();
+function hold(event) {
+  if (event.repeat) return;
+  const isHeld = event.type === "pointerdown" || event.type === "keydown";
   clearTimeout(releasing);
-  element("release").classList.add("held");
-  releasing = setTimeout(() => {
-    endRelease();
-    lease = leases.released(lease);
-    send();
-    render();
-  }, RELEASE_S * 1000);
+  release.classList.toggle("held", isHeld);
+  if (isHeld) releasing = setTimeout(() => change(leases.released(lease)), RELEASE_S * 1000);
 }
-function endRelease() {
-  clearTimeout(releasing);
-  element("release").classList.remove("held");
+for (const type of ["pointerdown", "keydown", "pointerup", "pointerleave", "pointercancel", "keyup", "blur"]) {
+  release.addEventListener(type, hold);
 }
-for (const type of ["pointerdown", "keydown"]) element("release").addEventListener(type, beginRelease);
-for (const type of ["pointerup", "pointerleave", "pointercancel", "keyup", "blur"]) {
-  element("release").addEventListener(type, endRelease);
-}
-addEventListener("contextmenu", (event) => event.preventDefault()); // of a long touch
 
 // --- what it shows
 
-function word(at_s) {
-  if (!leases.isHeard(lease, at_s)) return "NOT HEARD";
-  return lease.isStopped ? "STOPPED" : "HEARD";
-}
-
-function sentence(shown) {
-  if (shown === "NOT HEARD") {
-    const isStopped = leases.isConfirmed(lease) || view.latched;
-    const press = !leases.isPressed(lease) ? "" : isStopped ? "Pressed, and the robot is stopped. " : "PRESSED, not confirmed. ";
-    return press + whyNotHeard();
+function sentence(word) {
+  const isConfirmed = leases.isConfirmed(lease);
+  if (word === "NOT HEARD") {
+    const isStopped = isConfirmed || view.latched;
+    const press = isStopped ? "Pressed, and the robot is stopped. " : "PRESSED, not confirmed. ";
+    return (leases.isPressed(lease) ? press : "") + whyNotHeard();
   }
   if (leases.isPressed(lease)) {
-    if (!leases.isConfirmed(lease) || shown !== "STOPPED") return "Pressed: waiting for the confirmation.";
+    if (!isConfirmed || word !== "STOPPED") return "Pressed: waiting for the confirmation.";
     return `Stopped from here, confirmed after ${Math.round(confirmedAfter_s * 1000)} ms.`;
   }
-  if (shown === "STOPPED") return `The robot is stopped: ${view.reasons || "e-stop"}.`;
-  return view.required ? "Touch anywhere to stop. Closing or hiding this page stops the robot, too." : "Touch anywhere to stop.";
+  if (word === "STOPPED") return `The robot is stopped: ${view.reasons}.`;
+  return `Touch anywhere to stop.${view.required ? " Closing or hiding this page stops the robot, too." : ""}`;
 }
 
 function whyNotHeard() {
-  if (isWelcome) return `${view.problem}.`;
-  if (socket === null && code === "" && token === "") return ending || "Not paired: open the address with its code.";
+  if (isWelcome) return view.problem;
+  if (code === "" && token === "") return ending || "Not paired: open the address with its code.";
   return ending || "No connection to the station's program.";
 }
 
@@ -158,44 +138,34 @@ const alarm = element("hangs").animate([{ opacity: 0 }, { opacity: 0, offset: 0.
 });
 
 function render() {
-  const shown = word(now_s());
-  alarm.currentTime = 0; // it runs outside this loop, and covers the page unless it is set back
-  document.body.dataset.word = shown;
+  alarm.currentTime = 0; // the browser runs it outside this loop, and it covers the page unless it is set back
+  const word = !leases.isHeard(lease, now_s()) ? "NOT HEARD" : lease.isStopped ? "STOPPED" : "HEARD";
+  release.hidden = !(leases.isConfirmed(lease) && word === "STOPPED");
+  document.title = `${station} ${word}`;
+  document.body.dataset.word = word;
   document.body.dataset.pressed = leases.isPressed(lease);
-  document.title = station === "" ? shown : `${station}: ${shown}`;
-  element("word").textContent = shown;
-  element("sentence").textContent = sentence(shown);
-  element("release").hidden = !(leases.isPressed(lease) && leases.isConfirmed(lease) && shown === "STOPPED");
-}
-
-function turn() {
-  if (now_s() >= leases.dueAt_s(lease)) send();
-  render();
+  element("word").textContent = word;
+  element("sentence").textContent = sentence(word);
+  element("place").textContent = release.hidden ? station : "";
 }
 
 // --- the page's own life
 
 function onVisibility() {
-  if (document.hidden) {
-    disconnect("hidden");
-  } else {
-    connect();
-    // Keeps the screen on; browsers refuse it without TLS, or when the battery is low.
-    navigator.wakeLock?.request("screen").catch(() => {});
-  }
+  if (document.hidden) return disconnect("The page was hidden.");
+  connect();
+  navigator.wakeLock?.request("screen").catch(() => {}); // keeps the screen on, where the browser permits it
 }
 
 document.addEventListener("visibilitychange", onVisibility);
-addEventListener("pagehide", () => disconnect("closed"));
-document.addEventListener("freeze", () => disconnect("frozen"));
 addEventListener("pageshow", onVisibility);
+addEventListener("pagehide", () => disconnect("The page was closed."));
+document.addEventListener("freeze", () => disconnect("The page was frozen."));
 addEventListener("hashchange", () => {
   takeCode();
-  disconnect("a new code");
-  connect();
+  disconnect("Pairing again.");
 });
 
 takeCode();
 onVisibility();
-setInterval(turn, TURN_S * 1000);
-render();
+setInterval(() => (now_s() >= leases.dueAt_s(lease) ? change(lease) : render()), TURN_S * 1000);
