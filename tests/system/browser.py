@@ -1,7 +1,6 @@
 """Debian's Chromium without a window, driven over its DevTools protocol: it shows real pages, and dies as a real browser does."""
 
 import asyncio
-import base64
 import itertools
 import json
 import os
@@ -79,10 +78,6 @@ class Tab:
         )
         return place[0], place[1]
 
-    async def screenshot(self, file: Path) -> None:
-        picture = await self.do("Page.captureScreenshot", format="png")
-        file.write_bytes(base64.b64decode(picture["data"]))
-
     async def close(self) -> None:
         await self._browser.do("Target.closeTarget", targetId=self.target)
 
@@ -92,6 +87,7 @@ class Browser:
 
     def __init__(self, profile: Path, *options: str) -> None:
         assert CHROMIUM is not None
+        profile.mkdir()
         self._profile = profile
         with (profile / "log").open("wb") as log:
             self._process = subprocess.Popen(
@@ -145,7 +141,6 @@ class Browser:
 
 @asynccontextmanager
 async def browser(profile: Path, *options: str) -> AsyncGenerator[Browser]:
-    profile.mkdir()
     made = Browser(profile, *options)
     listening: asyncio.Future[None] | None = None
     try:
