@@ -44,9 +44,15 @@ class Tab:
 
     async def evaluate(self, expression: str) -> Any:  # noqa: ANN401 - any JSON value
         """Return the value of an expression in the page."""
-        result = await self.do("Runtime.evaluate", expression=expression, returnByValue=True)
+        result = await self.do(
+            "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
+        )
         assert "exceptionDetails" not in result, result
         return result["result"].get("value")
+
+    async def begin(self, expression: str) -> None:
+        """Run an expression that does not return."""
+        await self._browser.send("Runtime.evaluate", self._session, expression=expression)
 
     async def shows(self, word: str, sentence: str = "") -> None:
         """Wait until the page shows a word, and a part of a sentence."""
@@ -57,6 +63,12 @@ class Tab:
                     shown = await self.evaluate(SHOWN)
         except TimeoutError:
             pytest.fail(f"the page shows {shown!r}")
+
+    async def is_heard(self) -> None:
+        """Wait until the supervisor hears the page; a busy machine may have stopped the robot already."""
+        async with asyncio.timeout(LIMIT_S):
+            while (await self.evaluate(SHOWN)).partition("|")[0] not in {"HEARD", "STOPPED"}:
+                pass
 
     async def click(self, x: float, y: float) -> None:
         """Press and release the left button at a place of the page [CSS pixels]."""
@@ -115,12 +127,16 @@ class Browser:
             if answer is not None and not answer.done():
                 answer.set_result(message)
 
-    async def do(self, method: str, session: str = "", **parameters: object) -> dict[str, Any]:
+    async def send(self, method: str, session: str, **parameters: object) -> asyncio.Future[dict[str, Any]]:
+        """Send a command, and return its future answer."""
         number = next(self._numbers)
-        self._answers[number] = asyncio.get_running_loop().create_future()
+        answer = self._answers[number] = asyncio.get_running_loop().create_future()
         command = {"id": number, "method": method, "params": parameters}
         await self._connection.send(json.dumps(command | ({"sessionId": session} if session else {})))
-        message = await asyncio.wait_for(self._answers[number], LIMIT_S)
+        return answer
+
+    async def do(self, method: str, session: str = "", **parameters: object) -> dict[str, Any]:
+        message = await asyncio.wait_for(await self.send(method, session, **parameters), LIMIT_S)
         assert "error" not in message, message
         return message["result"]
 
