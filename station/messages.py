@@ -78,9 +78,9 @@ def lease(message: EstopLease) -> str:
     return json.dumps({"kind": "lease", **numbers, "stop": message.stop})
 
 
-def is_latched(status: SafetyStatus | None) -> bool:
+def is_latched(status: SafetyStatus) -> bool:
     """Return whether a status shows a latched e-stop."""
-    return status is not None and StopReason.ESTOP in status.reasons
+    return StopReason.ESTOP in status.reasons
 
 
 def view(station: str, endpoint: str, status: SafetyStatus | None, *, has_rival: bool) -> str:
@@ -105,7 +105,7 @@ def view(station: str, endpoint: str, status: SafetyStatus | None, *, has_rival:
     fields = {
         "problem": problem,  # why the page is not heard, if it is not
         "reasons": "" if status is None else printable(status.why()),
-        "latched": is_latched(status),
+        "latched": status is not None and is_latched(status),
         "required": own is not None and own.required,
     }
     return json.dumps({"kind": "view", **fields})

@@ -6,6 +6,7 @@ the lease ends with the answers of the page, and at once when its connection end
 """
 
 import asyncio
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -39,6 +40,8 @@ class Run:
     """None before the relay has joined the bus."""
     token: Token | None = None
     is_pressed: bool = False
+    unseen_s: float = math.inf
+    """When it was pressed, until a later status shows the e-stop."""
 
 
 class Relay:
@@ -103,9 +106,16 @@ class Relay:
         """
         if run in self._runs and run.presence is not None:
             run.presence.put(message)
-            is_new = not run.is_pressed
+            if message.stop and not run.is_pressed:
+                run.unseen_s = asyncio.get_running_loop().time()
             run.is_pressed = message.stop
-            if message.stop and (is_new or not messages.is_latched(self._status())):
+            if (
+                self._newest is not None
+                and self._newest[0] > run.unseen_s
+                and messages.is_latched(self._newest[1])
+            ):
+                run.unseen_s = math.inf
+            if run.is_pressed and run.unseen_s < math.inf:
                 self._estop.put(Bool(data=True))
         return run in self._runs
 

@@ -154,6 +154,8 @@ class Application:
         finally:
             self._relay.leave(run)
             writing.cancel()
+            if self._runs.get(session) is run:
+                del self._runs[session]
             self._say(f"{self._name}: the connection to a page has ended")
 
     def _admit(self, code: str, token: str) -> Session:

@@ -28,7 +28,7 @@ let confirmedAfter_s = NaN;
 // --- the connection
 
 function takeCode() {
-  code = decodeURIComponent(location.hash.slice(1));
+  code = location.hash.slice(1);
   history.replaceState(null, "", location.pathname);
 }
 
@@ -144,9 +144,10 @@ function render() {
   document.title = `${station} ${word}`;
   document.body.dataset.word = word;
   document.body.dataset.pressed = leases.isPressed(lease);
-  element("word").textContent = word;
-  element("sentence").textContent = sentence(word);
-  element("place").textContent = release.hidden ? station : "";
+  const texts = { word, sentence: sentence(word), place: release.hidden ? station : "" };
+  for (const [id, text] of Object.entries(texts)) {
+    if (element(id).textContent !== text) element(id).textContent = text; // a screen reader speaks each change
+  }
 }
 
 // --- the page's own life

@@ -168,6 +168,9 @@ async def test_a_press_of_a_station_that_is_not_configured_stops_the_robot_too()
         await rig.pass_time(0.5)
         assert ESTOP in rig.newest_status.causes
         assert (phone.view["latched"], phone.word) == (True, Word.NOT_HEARD)
+        assert (await reset(rig))[0]
+        await rig.pass_time(1.0)
+        assert ESTOP not in rig.newest_status.causes, "pressed once, stopped twice"
 
 
 async def test_the_second_page_is_not_heard_but_its_press_counts_and_its_end_stops_nothing() -> None:

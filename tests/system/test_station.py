@@ -21,7 +21,7 @@ from tests.system.harness import Robot
 from tests.system.namespaces import needs_namespaces
 from tests.system.operators import ROOT, Operator, until
 from tests.system.pages import URL, Page, served
-from tests.system.test_estop_stations import ESTOP, LIFELINE, LOST, heard, refused, state
+from tests.system.test_estop_stations import ESTOP, LIFELINE, LOST, drive, heard, refused, state
 from wire.lease import LEASE_S
 from wire.roles import Role
 
@@ -54,9 +54,7 @@ async def test_a_press_latches_the_estop_and_a_closed_connection_is_the_loss_of_
 @pytest.mark.timed
 async def test_a_robot_that_drives_stops_when_the_connection_of_the_page_closes(tmp_path: Path) -> None:
     async with served(tmp_path, "supervisor", "sim", teleop=True) as (subject, server), server.page() as page:
-        await heard(subject, "phone")
-        await subject.press("sr", lambda: not {LOST, ESTOP} & set(subject.status.causes), "a reset")
-        await subject.drive()
+        await drive(subject, "phone")
         closed_s = time.monotonic()
         page.socket.transport.abort()
         to_zero_s = await subject.zero_after(closed_s)

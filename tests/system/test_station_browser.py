@@ -11,7 +11,7 @@ import pytest
 from tests.system.browser import Browser, Tab, browser, needs_chromium
 from tests.system.harness import PATIENCE_S, Robot, patiently
 from tests.system.pages import Server, served
-from tests.system.test_estop_stations import ESTOP, LOST, heard, state
+from tests.system.test_estop_stations import ESTOP, LOST, drive, heard, state
 from wire import topics
 
 pytestmark = [needs_chromium, pytest.mark.timeout(180), pytest.mark.long]
@@ -152,9 +152,7 @@ async def test_from_a_touch_to_zero_on_cmd_vel(tmp_path: Path) -> None:
         tab = await chromium.open(await server.new_address())
         times_s: list[float] = []
         for _ in range(PRESSES):
-            await heard(subject, "phone")
-            await subject.press("sr", lambda: not {LOST, ESTOP} & set(subject.status.causes), "a reset")
-            await subject.drive("w", 0.1)
+            await drive(subject, "phone", keys="w", speed_m_s=0.1)
             touched_s = time.monotonic()
             await tab.mouse("mousePressed", 200, 300)
             times_s.append(await subject.zero_after(touched_s))

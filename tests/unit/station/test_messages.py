@@ -106,7 +106,6 @@ def test_the_page_is_told_the_reasons_and_whether_the_robot_depends_on_it() -> N
         "required": True,
     }
     assert shown(status(required=False))["required"] is False
-    assert not is_latched(None)
     assert not is_latched(status("OBSTACLE"))
 
 
