@@ -3,9 +3,12 @@
 import asyncio
 import os
 import secrets
+import signal
 import socket
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from typing import NoReturn
 
 import segno
@@ -114,30 +117,40 @@ async def _serve(
     bundle: Bundle | None,
 ) -> int:
     loop = asyncio.get_running_loop()
+    printer = ThreadPoolExecutor(1)  # a terminal that accepts no output must not delay the lease
+
+    def report(sentence: str) -> None:
+        printer.submit(say, sentence)
+
     pairing, relay = Pairing(), Relay(name, launch.bus.endpoint)
-    application = Application(name, address, relay, pairing, say)
+    application = Application(name, address, relay, pairing, report)
 
     def offer() -> None:
         code = "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
         pairing.offer(code, loop.time())
-        _print_code(address.url(code))
+        printer.submit(_print_code, address.url(code))
 
     def on_line() -> None:
-        if os.read(0, 1024):
-            offer()
-        else:
-            loop.remove_reader(0)
+        with suppress(OSError):  # in the background
+            if os.read(0, 1024):
+                offer()
+                return
+        loop.remove_reader(0)
 
     bus: ZenohBus | None = None
-    opening = asyncio.ensure_future(open_bus(launch.bus, "client", say=say, proof=HubProof(launch.bus, say)))
+    proof = HubProof(launch.bus, report)
+    opening = asyncio.ensure_future(open_bus(launch.bus, "client", say=report, proof=proof))
     working = [
         asyncio.ensure_future(relay.run(stop)),
         asyncio.ensure_future(serve(application, listening, bundle, stop)),
     ]
     offer()
     if sys.stdin.isatty():
+        signal.signal(
+            signal.SIGTTIN, signal.SIG_IGN
+        )  # a read in the background fails, and does not stop the process
         loop.add_reader(0, on_line)
-        say("Enter: a new code; Ctrl-C: end")
+        report("Enter: a new code; Ctrl-C: end")
     try:
         await asyncio.wait({opening, *working}, return_when=asyncio.FIRST_COMPLETED)
         if opening.done():

@@ -87,6 +87,20 @@ async def test_a_server_that_ends_or_stops_is_the_loss_of_the_station(
             assert await server.ended() == (0, "")
 
 
+@pytest.mark.timed  # a late process may lose its presence
+async def test_a_terminal_that_accepts_no_output_does_not_end_the_lease(tmp_path: Path) -> None:
+    async with served(tmp_path) as (subject, server), server.page() as page:
+        await heard(subject, "phone")
+        server.look(at=False)
+        for _ in range(60):  # each prints a picture of 2 kB, until the terminal's buffer is full
+            server.type(b"\r")
+            await asyncio.sleep(0.02)
+        await subject.never(lambda: state(subject, "phone") != "heard", "stopped by its terminal", 1.0)
+        await page.press()
+        await subject.until(lambda: ESTOP in subject.status.causes, "its press")
+        server.look(at=True)
+
+
 GARBAGE: list[str | bytes] = [
     b"\x00\xff",
     "{",
