@@ -7,6 +7,7 @@ import os
 import shutil
 import signal
 import subprocess
+import time
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
@@ -64,11 +65,15 @@ class Tab:
         except TimeoutError:
             pytest.fail(f"the page shows {shown!r}")
 
+    async def waits_for(self, condition: str, within_s: float = LIMIT_S) -> None:
+        """Wait until an expression is true in the page."""
+        started_s = time.monotonic()
+        while not await self.evaluate(condition):
+            assert time.monotonic() - started_s < within_s, condition
+
     async def is_heard(self) -> None:
         """Wait until the supervisor hears the page; a busy machine may have stopped the robot already."""
-        async with asyncio.timeout(LIMIT_S):
-            while (await self.evaluate(SHOWN)).partition("|")[0] not in {"HEARD", "STOPPED"}:
-                pass
+        await self.waits_for("document.body?.dataset.word !== 'NOT HEARD'")
 
     async def click(self, x: float, y: float) -> None:
         """Press and release the left button at a place of the page [CSS pixels]."""
@@ -88,6 +93,7 @@ class Tab:
             f"(() => {{ const box = document.querySelector({selector!r}).getBoundingClientRect();"
             " return [box.x + box.width / 2, box.y + box.height / 2]; })()"
         )
+        assert place != [0, 0], f"{selector} is hidden"
         return place[0], place[1]
 
     async def close(self) -> None:

@@ -14,10 +14,10 @@ from websockets.exceptions import ConnectionClosed
 from websockets.typing import Origin
 
 from teleop.station.state import Lease, Word, pressed, received, sent
-from tests.system.harness import Robot, robot
+from tests.system.harness import DRIVE_TRIES, PATIENCE_S, Robot, robot
 from tests.system.operators import LIMIT_S, Operator, until
 from tests.system.ports import free_endpoint
-from tests.system.test_estop_stations import LIFELINE, config_with
+from tests.system.test_estop_stations import LIFELINE, config_with, state
 from wire import topics
 from wire.messages import EstopLease
 
@@ -57,6 +57,20 @@ class Server(Operator):
                 yield page
             finally:
                 answering.cancel()
+
+    @asynccontextmanager
+    async def heard_page(self, subject: Robot) -> AsyncGenerator["Page"]:
+        """A page that is heard; a busy machine may have closed the connection of an earlier one, which does not come back."""
+        for _ in range(DRIVE_TRIES):
+            async with self.page() as page:
+                try:
+                    await subject.until(lambda: state(subject, "phone") == "heard", "heard", PATIENCE_S / 4)
+                except AssertionError as error:
+                    print(f"again: {error}")
+                    continue
+                yield page
+                return
+        raise AssertionError("no page is heard")
 
     def socket(self, origin: str | None = "", host: str = "127.0.0.1") -> connect:
         """Open the page's websocket, with an origin (by default, its own), as if this computer was named `host`."""

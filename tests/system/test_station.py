@@ -40,10 +40,8 @@ async def test_a_press_latches_the_estop_and_a_closed_connection_is_the_loss_of_
     tmp_path: Path,
 ) -> None:
     async with served(tmp_path) as (subject, server):
-        async with server.page() as page:
-            await heard(subject, "phone")
-            await until(lambda: page.word is Word.HEARD)
-            assert page.view["required"]
+        async with server.heard_page(subject) as page:
+            await until(lambda: page.word is not Word.NOT_HEARD and page.view["required"])
             await page.press()
             await subject.until(lambda: ESTOP in subject.status.causes, "its press")
             await until(lambda: page.word is Word.STOPPED and page.lease.is_confirmed)
@@ -53,7 +51,10 @@ async def test_a_press_latches_the_estop_and_a_closed_connection_is_the_loss_of_
 
 @pytest.mark.timed
 async def test_a_robot_that_drives_stops_when_the_connection_of_the_page_closes(tmp_path: Path) -> None:
-    async with served(tmp_path, "supervisor", "sim", teleop=True) as (subject, server), server.page() as page:
+    async with (
+        served(tmp_path, "supervisor", "sim", teleop=True) as (subject, server),
+        server.heard_page(subject) as page,
+    ):
         await drive(subject, "phone")
         closed_s = time.monotonic()
         page.socket.transport.abort()
@@ -67,8 +68,7 @@ async def test_a_robot_that_drives_stops_when_the_connection_of_the_page_closes(
 async def test_a_page_that_is_silent_on_an_open_connection_loses_its_lease_and_then_its_connection(
     tmp_path: Path,
 ) -> None:
-    async with served(tmp_path) as (subject, server), server.page() as page:
-        await heard(subject, "phone")
+    async with served(tmp_path) as (subject, server), server.heard_page(subject) as page:
         page.hangs = True
         await lost(subject)
         assert await page.closed() == SILENT
@@ -78,8 +78,7 @@ async def test_a_page_that_is_silent_on_an_open_connection_loses_its_lease_and_t
 async def test_a_server_that_ends_or_stops_is_the_loss_of_the_station(
     tmp_path: Path, number: signal.Signals
 ) -> None:
-    async with served(tmp_path) as (subject, server), server.page() as page:
-        await heard(subject, "phone")
+    async with served(tmp_path) as (subject, server), server.heard_page(subject) as page:
         server.send(number)
         await lost(subject)
         await until(lambda: page.word is Word.NOT_HEARD)
@@ -89,8 +88,7 @@ async def test_a_server_that_ends_or_stops_is_the_loss_of_the_station(
 
 @pytest.mark.timed  # a late process may lose its presence
 async def test_a_terminal_that_accepts_no_output_does_not_end_the_lease(tmp_path: Path) -> None:
-    async with served(tmp_path) as (subject, server), server.page() as page:
-        await heard(subject, "phone")
+    async with served(tmp_path) as (subject, server), server.heard_page(subject) as page:
         server.look(at=False)
         for _ in range(60):  # each prints a picture of 2 kB, until the terminal's buffer is full
             server.type(b"\r")
@@ -135,9 +133,8 @@ async def test_garbage_ends_its_own_connection_only(tmp_path: Path) -> None:
         with socket.create_connection(("127.0.0.1", int(server.port))) as stream:
             stream.sendall(b"\x16\x03\x01\x02\x00garbage\r\n\r\n")
             assert stream.recv(1000).startswith(b"HTTP/1.1 400")
-        async with server.page() as page:
-            await heard(subject, "phone")
-        assert "Traceback" not in server.output
+        async with server.heard_page(subject):
+            assert "Traceback" not in server.output
 
 
 async def test_pages_of_other_servers_and_names_are_refused(tmp_path: Path) -> None:
@@ -179,8 +176,8 @@ async def test_a_code_counts_once_and_wrong_codes_withdraw_it(tmp_path: Path) ->
         await until(lambda: "too many wrong codes" in server.output)
         async with server.page(code=code) as late:
             assert await late.closed() == NOT_PAIRED
-        async with server.page():
-            await heard(subject, "phone")
+        async with server.heard_page(subject):
+            pass
 
 
 async def test_a_session_connects_again_in_the_place_of_its_old_connection(tmp_path: Path) -> None:
