@@ -59,6 +59,7 @@ function disconnected(why, number = 0) {
   socket = null;
   isWelcome = false;
   lease = leases.disconnected(lease);
+  view = { ...view, latched: false };
   ending = why;
   if (number === NOT_PAIRED) token = "";
   setTimeout(connect, RETRY_S * 1000);
@@ -103,7 +104,11 @@ function hold(event) {
   const isHeld = event.type === "pointerdown" || event.type === "keydown";
   clearTimeout(releasing);
   release.classList.toggle("held", isHeld);
-  if (isHeld) releasing = setTimeout(() => change(leases.released(lease)), RELEASE_S * 1000);
+  if (!isHeld) return;
+  releasing = setTimeout(() => {
+    release.classList.remove("held");
+    change(leases.released(lease));
+  }, RELEASE_S * 1000);
 }
 for (const type of ["pointerdown", "keydown", "pointerup", "pointerleave", "pointercancel", "keyup", "blur"]) {
   release.addEventListener(type, hold);
@@ -140,7 +145,7 @@ const alarm = element("hangs").animate([{ opacity: 0 }, { opacity: 0, offset: 0.
 function render() {
   alarm.currentTime = 0; // the browser runs it outside this loop, and it covers the page unless it is set back
   const word = !leases.isHeard(lease, now_s()) ? "NOT HEARD" : lease.isStopped ? "STOPPED" : "HEARD";
-  release.hidden = !(leases.isConfirmed(lease) && word === "STOPPED");
+  release.hidden = !leases.isConfirmed(lease);
   document.title = `${station} ${word}`;
   document.body.dataset.word = word;
   document.body.dataset.pressed = leases.isPressed(lease);
