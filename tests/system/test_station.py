@@ -7,7 +7,7 @@ import socket
 import subprocess
 import sys
 import time
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
@@ -15,6 +15,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from station.pairing import MAX_WRONG_CODES
 from station.relay import MAX_PAGES
+from station.server import MAX_CONNECTIONS
 from teleop.station.state import Word
 from tests.system.authority import TestAuthority
 from tests.system.harness import Robot
@@ -135,6 +136,19 @@ async def test_garbage_ends_its_own_connection_only(tmp_path: Path) -> None:
             assert stream.recv(1000).startswith(b"HTTP/1.1 400")
         async with server.heard_page(subject):
             assert "Traceback" not in server.output
+
+
+async def test_idle_connections_keep_new_pages_away_and_not_the_one_that_is_open(tmp_path: Path) -> None:
+    async with served(tmp_path) as (subject, server), server.heard_page(subject) as page:
+        with ExitStack() as idle:
+            for _ in range(MAX_CONNECTIONS):
+                idle.enter_context(socket.create_connection(("127.0.0.1", int(server.port))))
+            late = http.client.HTTPConnection("127.0.0.1", int(server.port))
+            late.request("GET", "/")
+            assert late.getresponse().status == 503
+            late.close()
+            await page.press()
+            await subject.until(lambda: ESTOP in subject.status.causes, "its press")
 
 
 async def test_pages_of_other_servers_and_names_are_refused(tmp_path: Path) -> None:
