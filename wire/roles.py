@@ -29,7 +29,9 @@ class Role(StrEnum):
 
 
 SERVERS = (Role.SUPERVISOR, Role.ROUTER)
-"""Whose certificates others accept as a server's; all others only connect."""
+"""Whose certificates other participants accept as a server's; all others only connect to these."""
+LISTENERS = (*SERVERS, Role.ESTOP)
+"""Whose certificates may name hosts: a station also serves a page to browsers."""
 
 
 def common_name(role: Role, namespace: str) -> str:

@@ -1,8 +1,8 @@
 """Keys and certificates: an authority, and the certificates of participants that it signs.
 
-All keys are ECDSA on P-256, which every TLS library accepts. The authority signs participants only (path length 0). The
-certificates of a supervisor and a router are valid for servers and clients, all others for clients only: no participant
-can act as the hub. Only this file imports cryptography, whose import takes 0.1 s.
+All keys are ECDSA on P-256, which every TLS library accepts. The authority signs participants only (path length 0). A
+certificate that names hosts is valid for servers and clients, all others for clients only. Participants accept only a
+supervisor or a router as a hub: a station that serves a page to browsers cannot act as one (wire/tls.py). Only this file imports cryptography, whose import takes 0.1 s.
 """
 
 import ipaddress
@@ -21,7 +21,7 @@ from cryptography.hazmat.primitives.serialization import (
 )
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from wire.roles import SERVERS, Role, common_name
+from wire.roles import LISTENERS, Role, common_name
 
 AUTHORITY_LIFETIME = timedelta(days=3650)
 BACKDATED = timedelta(hours=1)
@@ -38,7 +38,7 @@ class Subject:
     robot: str
     """The namespace of a robot, or `wire.roles.ANY`."""
     hosts: tuple[str, ...] = ()
-    """Host names and addresses at which a server listens; empty for other roles."""
+    """Host names and addresses at which it listens; empty for what only connects."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ def sign(authority: bytes, authority_key: bytes, subject: Subject, now_s: float,
     lifetime = min(timedelta(seconds=lifetime_s), left)
     purposes = [ExtendedKeyUsageOID.CLIENT_AUTH]
     builder = _valid(x509.random_serial_number(), now_s, lifetime)
-    if subject.role in SERVERS:
+    if subject.hosts and subject.role in LISTENERS:
         purposes.append(ExtendedKeyUsageOID.SERVER_AUTH)
         hosts = x509.SubjectAlternativeName(_general_names(subject.hosts))
         builder = builder.add_extension(hosts, critical=False)

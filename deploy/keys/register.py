@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
 from wire.host import config
-from wire.roles import ANY, SERVERS, Role, common_name
+from wire.roles import ANY, LISTENERS, SERVERS, Role, common_name
 from wire.tls import SOON_S
 
 NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
@@ -23,7 +23,7 @@ HOST = re.compile(
 END_OF_DATES_S = 253_402_300_800
 """The year 10000, in seconds since the epoch."""
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
-"""Hosts in the certificate of every server."""
+"""Hosts in the certificate of everything that listens."""
 
 
 class RefusedError(Exception):
@@ -123,13 +123,13 @@ def subject_of(register: Register, request: Request) -> tuple[str, Role, str, tu
             f"{name} is {before.common_name}: choose another name for {common_name(role, robot)}, so that each can be "
             "revoked"
         )
-    if role not in SERVERS:
-        if request.hosts:
-            raise RefusedError(
-                f"--host is for the roles {' and '.join(SERVERS)} only, which others connect to; {name} is {role}"
-            )
-        return name, role, robot, ()
     hosts = request.hosts if request.hosts is not None else before.hosts if before else ()
+    if hosts and role not in LISTENERS:
+        raise RefusedError(
+            f"--host is for the roles {', '.join(LISTENERS)} only, which others connect to; {name} is {role}"
+        )
+    if not hosts and role not in SERVERS:
+        return name, role, robot, ()
     for host in hosts:
         _check_host(host)
     return name, role, robot, tuple(dict.fromkeys((*hosts, *LOOPBACK)))

@@ -23,22 +23,25 @@ def parse_listen(text: str) -> tuple[str, int]:
     return match[1].strip("[]"), int(match[2])
 
 
-def cannot_listen(listen: str, number: int | None, reason: str) -> DeployError:
+def cannot_listen(
+    listen: str, number: int | None, reason: str, choice: str = "--listen HOST:PORT"
+) -> DeployError:
     """Return the error that a server cannot listen.
 
     Args:
         listen: a valid `HOST:PORT`.
         number: the operating system's error number, if it is known.
         reason: its text.
+        choice: the option that chooses another address; `HOST` stands for the same host.
     """
     host, port = parse_listen(listen)
     if number == errno.EADDRINUSE:
+        choice = choice.replace("HOST", bracketed(host))
         return DeployError(
-            f"port {port} on {host} is in use by another program: choose another port with "
-            f"--listen {bracketed(host)}:PORT"
+            f"port {port} on {host} is in use by another program: choose another port with {choice}"
         )
     return DeployError(
-        f"cannot listen on {listen} ({reason}): choose an address of this machine with --listen HOST:PORT"
+        f"cannot listen on {listen} ({reason}): choose an address of this machine with {choice}"
     )
 
 

@@ -1,4 +1,4 @@
-"""The commands that start, drive and stop a robot: up, down, teleop, estop, path, ros2."""
+"""The commands that start, drive and stop a robot: up, down, teleop, estop, station, path, ros2."""
 
 from importlib.resources import files
 from pathlib import Path
@@ -21,6 +21,7 @@ from lifeline.command import (
     robot_command,
     say,
 )
+from wire.host.extras import require
 
 app = typer.Typer()
 path_app = typer.Typer(
@@ -125,6 +126,33 @@ def estop(
     from lifeline.estop import press, run_station
 
     return press(robot.launch) if name is None else run_station(robot.launch, name)
+
+
+@robot_command(app)
+def station(
+    robot: Robot,
+    *,
+    name: Annotated[
+        str, option("--name", "NAME", "Name of the e-stop station in the configuration.")
+    ] = "phone",
+    port: Annotated[int, option("--port", "N", "Port of the page.", min=1024, max=65535)] = 8470,
+    is_open: Annotated[
+        bool,
+        typer.Option(
+            "--open",
+            help="Serve the page to the local network, over TLS with the bundle of --keys. Default: only to this computer.",
+        ),
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="With --open: do not ask.")] = False,
+) -> None:
+    """Make the browser of a phone an e-stop station: serve a page with one button, until Ctrl-C. It cannot drive.
+
+    The page opens with a code that counts once, within a minute. The robot stops if the page of a required station closes, hides or hangs.
+    """
+    require("station")
+    from lifeline.station import run
+
+    run(robot.launch, name, port, is_open=is_open, may_open=yes)
 
 
 @robot_command(path_app, "square")

@@ -19,9 +19,17 @@ class TestAuthority:
         self._keys = directory / "keys"
         init(self._keys, replace=False)
 
-    def bundle(self, name: str, role: Role, lifetime_s: float = MONTH_S, *, robot: str = "robot") -> Path:
+    def bundle(
+        self,
+        name: str,
+        role: Role,
+        lifetime_s: float = MONTH_S,
+        *,
+        robot: str = "robot",
+        hosts: tuple[str, ...] | None = None,
+    ) -> Path:
         """Issue or renew a certificate, and return its bundle."""
-        return Path(issue(self._keys, Request(name, role, robot, None), lifetime_s)["bundle"])
+        return Path(issue(self._keys, Request(name, role, robot, hosts), lifetime_s)["bundle"])
 
 
 def secure_endpoint(protocol: str) -> str:

@@ -89,17 +89,17 @@ async def reset(subject: Robot) -> None:
     await subject.press("sr", lambda: not {LOST, ESTOP} & set(subject.status.causes), "a reset")
 
 
-async def drive(subject: Robot) -> None:
+async def drive(subject: Robot, name: str = "door", *, keys: str = "wwwww", speed_m_s: float = 0.5) -> None:
     """Drive; on a busy machine, a late station may have been lost, and then the operator resets first."""
 
     async def attempt() -> None:
-        await heard(subject)
+        await heard(subject, name)
         if {LOST, ESTOP} & set(subject.status.causes):
             await reset(subject)
         subject.type("s")
         await subject.ready(5.0)
-        subject.type("wwwww")
-        await subject.until_it_drives(0.5)
+        subject.type(keys)
+        await subject.until_it_drives(speed_m_s)
 
     await subject.connected()
     await patiently(attempt)

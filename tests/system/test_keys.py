@@ -256,11 +256,15 @@ async def test_a_supervisor_under_another_name_is_refused(
         await until(lambda: "it is not for the host to which the client connects" in log(), "a sentence")
 
 
+@pytest.mark.parametrize("server", ["web", "page"])
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 async def test_a_server_of_another_role_is_refused_at_once_and_after_a_reconnect(
-    ours: TestAuthority, monkeypatch: pytest.MonkeyPatch, protocol: str
+    ours: TestAuthority, monkeypatch: pytest.MonkeyPatch, protocol: str, server: str
 ) -> None:
-    """Zenoh also trusts the public authorities of the web, which certify any host of their customers."""
+    """Zenoh also trusts the public authorities of the web, which certify any host of their customers.
+
+    An e-stop station may serve a page at a host, but is no hub.
+    """
     endpoint, alice = secure_endpoint(protocol), ours.bundle("alice", Role.OPERATOR)
     robot7 = BusConfig(endpoint, keys=ours.bundle("robot7", Role.SUPERVISOR))
 
@@ -268,10 +272,15 @@ async def test_a_server_of_another_role_is_refused_at_once_and_after_a_reconnect
         return "www.example.org"
 
     with monkeypatch.context() as patch:
-        patch.setattr(certificates, "common_name", on_the_web)
-        web = ours.bundle("web", Role.SUPERVISOR)
+        if server == "web":
+            patch.setattr(certificates, "common_name", on_the_web)
+        role = Role.SUPERVISOR if server == "web" else Role.ESTOP
+        bundle = ours.bundle(server, role, hosts=("robot7",))
     own = tls.settings(read_bundle(robot7.keys or Path(), time.time()))
-    own |= {"listen_certificate": str(web / "web.pem"), "listen_private_key": str(web / "web.key")}
+    own |= {
+        "listen_certificate": str(bundle / f"{server}.pem"),
+        "listen_private_key": str(bundle / f"{server}.key"),
+    }
     values: dict[str, object] = {
         "mode": "peer",
         "scouting/multicast/enabled": False,

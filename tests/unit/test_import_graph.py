@@ -6,7 +6,18 @@ from graphlib import CycleError, TopologicalSorter
 import grimp
 import pytest
 
-SERVICES = ("wire", "supervisor", "teleop", "sim", "ros2", "virtual", "deploy", "faults", "lifeline")
+SERVICES = (
+    "wire",
+    "supervisor",
+    "teleop",
+    "station",
+    "sim",
+    "ros2",
+    "virtual",
+    "deploy",
+    "faults",
+    "lifeline",
+)
 PACKAGES = (*SERVICES, "bench", "tests.fuzz", "tests.scenes")
 
 Arrows = dict[str, set[str]]

@@ -10,7 +10,19 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("wire", "supervisor", "teleop", "sim", "ros2", "virtual", "deploy", "faults", "lifeline", "bench")
+PACKAGES = (
+    "wire",
+    "supervisor",
+    "teleop",
+    "station",
+    "sim",
+    "ros2",
+    "virtual",
+    "deploy",
+    "faults",
+    "lifeline",
+    "bench",
+)
 
 
 @pytest.mark.parametrize("package", PACKAGES[:-1])

@@ -10,6 +10,7 @@ EXTRAS = {
     "gamepad": ("evdev",),
     "metrics": ("prometheus_client",),
     "sim": ("mujoco", "PIL"),
+    "station": ("segno", "starlette", "uvicorn", "websockets"),
     "video": ("av",),
     "view": ("rerun",),
 }

@@ -21,6 +21,7 @@ WITHOUT_JSON = {
     "teleop": "becomes teleop",
     "pid": "prints one number",
     "estop": "presses; its result is the exit code",
+    "station": "serves a page until Ctrl-C",
 }
 
 

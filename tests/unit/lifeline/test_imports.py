@@ -27,7 +27,8 @@ def test_only_the_command_keys_loads_cryptography(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["supervisor", "teleop", "sim", "ros2", "virtual", "wire", "deploy", "faults", "lifeline"]
+    "name",
+    ["supervisor", "teleop", "station", "sim", "ros2", "virtual", "wire", "deploy", "faults", "lifeline"],
 )
 def test_our_names_are_ours_from_any_directory(name: str, tmp_path: Path) -> None:
     found = _python(f"import {name}; print({name}.__file__)", tmp_path)

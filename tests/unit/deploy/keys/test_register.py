@@ -92,12 +92,20 @@ def test_a_namespace_that_no_robot_can_have_is_refused(robot: str) -> None:
         assert "is not a robot's namespace" in refusal(Register(), request("bob", Role.VIEWER, robot))
 
 
-def test_a_host_is_a_name_or_an_address_and_only_for_a_supervisor() -> None:
+def test_a_station_names_hosts_only_if_they_are_given_and_keeps_them() -> None:
+    assert subject_of(Register(), request("phone", Role.ESTOP))[3] == ()
+    hosts = subject_of(Register(), request("phone", Role.ESTOP, hosts=("10.0.0.7",)))[3]
+    assert hosts == ("10.0.0.7", "localhost", "127.0.0.1", "::1")
+    issued = Issued("phone", Role.ESTOP, "robot", hosts, "3", NOW_S + DAY_S)
+    assert subject_of(Register((issued,)), request("phone"))[3] == hosts
+
+
+def test_a_host_is_a_name_or_an_address_and_only_for_what_listens() -> None:
     for host in ("robot7:7447", "a b", "", "-a", "robot7.", "é"):
         assert "is not a host" in refusal(Register(), request("r", Role.SUPERVISOR, hosts=(host,)))
     for host in ("robot7", "robot7.example.org", "192.168.1.7", "fe80::1"):
         assert host in subject_of(Register(), request("r", Role.SUPERVISOR, hosts=(host,)))[3]
-    assert "--host is for the roles supervisor and router only" in refusal(
+    assert "--host is for the roles supervisor, router, estop only" in refusal(
         Register(), request("b", Role.BASE, hosts=("a",))
     )
 

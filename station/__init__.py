@@ -1,0 +1,11 @@
+"""The web page of an e-stop station: the browser of a phone holds the lease (`lifeline station`). It cannot drive.
+
+    pairing.py    who may hold the lease: one-time codes and sessions (pure)
+    admission.py  which requests are served: Host and Origin (pure)
+    messages.py   the messages between page and server (pure)
+    relay.py      carries leases between the pages and the supervisor
+    web.py        the page and its websocket
+    server.py     the HTTP server
+
+The browser runs the files in the folder page.
+"""

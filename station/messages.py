@@ -1,0 +1,111 @@
+"""The messages between page and server: JSON texts with exactly these fields (pure).
+
+The first message of a page is `{"code": ...}` or `{"token": ...}`; the server answers with a welcome. From then on, the page
+sends its side of the lease, `{"challenge", "response", "stop"}`, and receives the supervisor's side, and what else it shows.
+The numbers of a lease have 64 bits, more than a JavaScript number, and are texts of digits.
+"""
+
+import json
+import re
+from typing import cast
+
+from wire import foreign
+from wire.message_types import EstopLease, SafetyStatus
+from wire.reasons import StopReason
+from wire.text import printable
+
+MAX_MESSAGE_BYTES = 512
+MAX_SECRET = 64
+"""Characters of a code or a token."""
+MAX_NUMBER = (1 << 64) - 1
+DIGITS = re.compile(r"[0-9]{1,20}", re.ASCII)
+
+
+class BadMessageError(ValueError):
+    """A text is not a message of the page."""
+
+
+def read_hello(text: str) -> tuple[str, str]:
+    """Return the code and the token in the first message of a page; one of both is empty.
+
+    Raises:
+        BadMessageError: it is not one.
+    """
+    match fields := _fields(text):
+        case {"code": str(code)} if len(fields) == 1 and len(code) <= MAX_SECRET:
+            return code, ""
+        case {"token": str(token)} if len(fields) == 1 and len(token) <= MAX_SECRET:
+            return "", token
+        case _:
+            raise BadMessageError("not the first message of a page")
+
+
+def read_lease(text: str) -> EstopLease:
+    """Return the page's side of the lease. A page never says that it leaves: its end is always a loss.
+
+    Raises:
+        BadMessageError: it is not one.
+    """
+    match fields := _fields(text):
+        case {"challenge": str(challenge), "response": str(response), "stop": bool(stop)} if len(fields) == 3:
+            return EstopLease(_number(challenge), _number(response), stop=stop)
+        case _:
+            raise BadMessageError("not a lease")
+
+
+def _fields(text: str) -> dict[str, object]:
+    try:
+        document = foreign.from_json(text)
+    except foreign.ForeignError as error:
+        raise BadMessageError("not JSON") from error
+    return cast("dict[str, object]", document) if isinstance(document, dict) else {}
+
+
+def _number(digits: str) -> int:
+    if DIGITS.fullmatch(digits) is None or int(digits) > MAX_NUMBER:
+        raise BadMessageError("not a number of 64 bits")
+    return int(digits)
+
+
+def welcome(station: str, token: str) -> str:
+    """Return the answer to a page that is paired: its station, and the token with which it may connect again."""
+    return json.dumps({"kind": "welcome", "station": station, "token": token})
+
+
+def lease(message: EstopLease) -> str:
+    """Return the supervisor's side of the lease."""
+    numbers = {"challenge": str(message.challenge), "response": str(message.response)}
+    return json.dumps({"kind": "lease", **numbers, "stop": message.stop})
+
+
+def is_latched(status: SafetyStatus) -> bool:
+    """Return whether a status shows a latched e-stop."""
+    return StopReason.ESTOP in status.reasons
+
+
+def view(station: str, endpoint: str, status: SafetyStatus | None, *, has_rival: bool) -> str:
+    """Return what a page shows besides its lease.
+
+    Args:
+        station: the name of the station.
+        endpoint: of the supervisor.
+        status: the newest one; None if it is missing or outdated.
+        has_rival: whether another page or program is the same station.
+    """
+    stations = [] if status is None else status.estop_stations
+    own = next((one for one in stations if one.name == station), None)
+    if status is None:
+        problem = f"Waiting for the supervisor at {printable(endpoint)}."
+    elif has_rival:
+        problem = f"Another page or program is the station {station}: close it, or use another name."
+    elif own is None:
+        problem = f"The supervisor has no station {station}: add it to [[supervisor.estop_stations]]."
+    else:
+        problem = "The robot does not hear this station."
+    fields = {
+        "problem": problem,  # why the page is not heard, if it is not
+        "reasons": "" if status is None else printable(status.why()),
+        "latched": status is not None and is_latched(status),
+        "required": own is not None and own.required,
+    }
+    return json.dumps({"kind": "view", **fields})

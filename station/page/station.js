@@ -1,0 +1,177 @@
+// The page of an e-stop station: one button, and whether the robot hears it. It cannot drive.
+//
+// The lease is held from this loop: a page that hangs, hides or closes is not heard, and the server sends nothing in its place.
+
+import * as leases from "./lease.js";
+
+const TURN_S = 0.05;
+const RETRY_S = 0.5;
+const RELEASE_S = 1;
+const HANGS_S = 1;
+const NOT_PAIRED = 4401;
+const NO_STOP_KEYS = /^(Tab|Shift|Control|Alt|AltGraph|Meta|CapsLock|NumLock|F\d+)$/;
+
+const now_s = () => performance.now() / 1000;
+const element = (id) => document.getElementById(id);
+const release = element("release");
+
+let lease = leases.NEW;
+let socket = null;
+let isWelcome = false;
+let code = ""; // from the address, for one use
+let token = ""; // of the session; only this page has it
+let station = "";
+let view = { problem: "", reasons: "", latched: false, required: false };
+let ending = ""; // why the last connection has ended
+let confirmedAfter_s = NaN;
+
+// --- the connection
+
+function takeCode() {
+  code = location.hash.slice(1);
+  history.replaceState(null, "", location.pathname);
+}
+
+function connect() {
+  if (socket !== null || document.hidden || (code === "" && token === "")) return;
+  const own = (socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/lease`));
+  own.onopen = () => {
+    own.send(JSON.stringify(code === "" ? { token } : { code }));
+    code = "";
+  };
+  own.onmessage = (event) => own === socket && onMessage(JSON.parse(event.data));
+  own.onclose = (event) => own === socket && disconnected(event.reason, event.code);
+}
+
+function onMessage(message) {
+  if (message.kind === "view") {
+    view = message;
+  } else if (message.kind === "welcome") {
+    ({ station, token } = message);
+    isWelcome = true;
+    change(lease);
+  } else {
+    change(leases.received(lease, message));
+  }
+}
+
+function disconnected(why, number = 0) {
+  socket = null;
+  isWelcome = false;
+  lease = leases.disconnected(lease);
+  view = { ...view, latched: false };
+  ending = why;
+  if (number === NOT_PAIRED) token = "";
+  setTimeout(connect, RETRY_S * 1000);
+  render();
+}
+
+// The lease ends with the connection, at once.
+function disconnect(why) {
+  const own = socket;
+  disconnected(why);
+  own?.close();
+}
+
+// The supervisor learns of each change in the same event.
+function change(next) {
+  const random = crypto.getRandomValues(new BigUint64Array(1))[0];
+  const [after, message] = leases.sent(next, String(random), now_s());
+  if (!leases.isConfirmed(lease) && leases.isConfirmed(after)) confirmedAfter_s = now_s() - after.pressed_s;
+  lease = after;
+  if (isWelcome && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+  render();
+}
+
+// --- the button
+
+function press(event) {
+  event.preventDefault();
+  change(leases.pressed(lease, now_s()));
+}
+
+element("stop").addEventListener("pointerdown", press);
+element("stop").addEventListener("click", press); // of assistive technology, which sends no other event
+addEventListener("keydown", (event) => {
+  if (event.repeat || event.target === release || event.ctrlKey || event.altKey || event.metaKey) return;
+  if (!NO_STOP_KEYS.test(event.key)) press(event);
+});
+addEventListener("contextmenu", (event) => event.preventDefault()); // of a long touch
+
+let releasing = 0;
+function hold(event) {
+  if (event.repeat) return;
+  const isHeld = event.type === "pointerdown" || event.type === "keydown";
+  clearTimeout(releasing);
+  release.classList.toggle("held", isHeld);
+  if (!isHeld) return;
+  releasing = setTimeout(() => {
+    release.classList.remove("held");
+    change(leases.released(lease));
+  }, RELEASE_S * 1000);
+}
+for (const type of ["pointerdown", "keydown", "pointerup", "pointerleave", "pointercancel", "keyup", "blur"]) {
+  release.addEventListener(type, hold);
+}
+
+// --- what it shows
+
+function sentence(word) {
+  const isConfirmed = leases.isConfirmed(lease);
+  if (word === "NOT HEARD") {
+    const isStopped = isConfirmed || view.latched;
+    const press = isStopped ? "Pressed, and the robot is stopped. " : "PRESSED, not confirmed. ";
+    return (leases.isPressed(lease) ? press : "") + whyNotHeard();
+  }
+  if (leases.isPressed(lease)) {
+    if (!isConfirmed || word !== "STOPPED") return "Pressed: waiting for the confirmation.";
+    return `Stopped from here, confirmed after ${Math.round(confirmedAfter_s * 1000)} ms.`;
+  }
+  if (word === "STOPPED") return `The robot is stopped: ${view.reasons}.`;
+  return `Touch anywhere to stop.${view.required ? " Closing or hiding this page stops the robot, too." : ""}`;
+}
+
+function whyNotHeard() {
+  if (isWelcome) return view.problem;
+  if (code === "" && token === "") return ending || "Not paired: open the address with its code.";
+  return ending || "No connection to the station's program.";
+}
+
+const alarm = element("hangs").animate([{ opacity: 0 }, { opacity: 0, offset: 0.999 }, { opacity: 1 }], {
+  duration: HANGS_S * 1000,
+  fill: "forwards",
+});
+
+function render() {
+  alarm.currentTime = 0; // the browser runs it outside this loop, and it covers the page unless it is set back
+  const word = !leases.isHeard(lease, now_s()) ? "NOT HEARD" : lease.isStopped ? "STOPPED" : "HEARD";
+  release.hidden = !leases.isConfirmed(lease);
+  document.title = `${station} ${word}`;
+  document.body.dataset.word = word;
+  document.body.dataset.pressed = leases.isPressed(lease);
+  const texts = { word, sentence: sentence(word), place: release.hidden ? station : "" };
+  for (const [id, text] of Object.entries(texts)) {
+    if (element(id).textContent !== text) element(id).textContent = text; // a screen reader speaks each change
+  }
+}
+
+// --- the page's own life
+
+function onVisibility() {
+  if (document.hidden) return disconnect("The page was hidden.");
+  connect();
+  navigator.wakeLock?.request("screen").catch(() => {}); // keeps the screen on, where the browser permits it
+}
+
+document.addEventListener("visibilitychange", onVisibility);
+addEventListener("pageshow", onVisibility);
+addEventListener("pagehide", () => disconnect("The page was closed."));
+document.addEventListener("freeze", () => disconnect("The page was frozen."));
+addEventListener("hashchange", () => {
+  takeCode();
+  disconnect("Pairing again.");
+});
+
+takeCode();
+onVisibility();
+setInterval(() => (now_s() >= leases.dueAt_s(lease) ? change(lease) : render()), TURN_S * 1000);

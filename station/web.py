@@ -1,0 +1,193 @@
+"""The page and its websocket, as an ASGI application: pairs a page, then carries its messages to the relay.
+
+The run of a page ends with its websocket, after `SILENCE_S` without a message, and with a message that is not one of the page.
+"""
+
+import asyncio
+import logging
+import secrets
+from collections.abc import Callable
+from contextlib import suppress
+from importlib.resources import files
+
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.types import Message, Receive, Scope, Send
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from station import messages
+from station.admission import RESPONSE_HEADERS, Address
+from station.messages import BadMessageError
+from station.pairing import Pairing, Session
+from station.relay import Relay, Run
+
+_log = logging.getLogger(__name__)
+
+FILES = {"index.html": "html", "station.js": "javascript", "lease.js": "javascript", "style.css": "css"}
+HELLO_LIMIT_S = 5.0
+SILENCE_S = 1.0
+"""The lease has ended long before; then the connection ends, too, so that the page can connect again."""
+MAX_MESSAGES_PER_S = 100
+"""A page sends about 20 a second: the answers to the challenges."""
+
+
+class ClosingError(Exception):
+    """Closes a websocket with a code and a sentence, which the page shows."""
+
+    def __init__(self, code: int, sentence: str) -> None:
+        super().__init__(sentence)
+        self.code, self.sentence = code, sentence
+
+
+NOT_PAIRED = ClosingError(4401, "Not paired: open the address with a new code, which the terminal shows.")
+BAD_MESSAGE = ClosingError(4400, "The page's messages were refused.")
+SILENT = ClosingError(4408, "The page was silent.")
+REPLACED = ClosingError(4409, "The page has a newer connection.")
+TOO_MANY_PAGES = ClosingError(4429, "Too many pages of this station are open: close one.")
+
+
+class Socket:
+    """The websocket of one page, and what waits to be sent to it: at most one message of each kind."""
+
+    def __init__(self, websocket: WebSocket) -> None:
+        self._websocket = websocket
+        self._waiting: dict[str, str] = {}
+        self._wake = asyncio.Event()
+
+    def show(self, kind: str, text: str) -> None:
+        self._waiting[kind] = text
+        self._wake.set()
+
+    async def write(self) -> None:
+        """Send what waits, until the connection ends."""
+        with suppress(WebSocketDisconnect, RuntimeError):  # RuntimeError: it is being closed
+            while await self._wake.wait():
+                self._wake.clear()
+                while self._waiting:
+                    await self._websocket.send_text(self._waiting.pop(next(iter(self._waiting))))
+
+    async def read(self, limit_s: float) -> str:
+        """Return the next message.
+
+        Raises:
+            WebSocketDisconnect: the connection has ended.
+            ClosingError: none arrives within `limit_s`, or it is not text.
+        """
+        try:
+            async with asyncio.timeout(limit_s):
+                message = await self._websocket.receive()
+        except TimeoutError as error:
+            raise SILENT from error
+        if message["type"] == "websocket.disconnect":
+            raise WebSocketDisconnect
+        if (text := message.get("text")) is None:
+            raise BAD_MESSAGE
+        return text
+
+
+class Application:
+    """Serves the page of one station.
+
+    Args:
+        name: of the station.
+        address: where the page is served.
+        relay: carries the leases.
+        pairing: decides who may hold one.
+        say: called with a sentence about each page that comes or goes.
+    """
+
+    def __init__(
+        self, name: str, address: Address, relay: Relay, pairing: Pairing, say: Callable[[str], None]
+    ) -> None:
+        self._name, self._address, self._relay, self._pairing, self._say = name, address, relay, pairing, say
+        self._runs: dict[Session, Run] = {}
+        routes = [_route(file, kind) for file, kind in FILES.items()]
+        self._inner = Starlette(routes=[*routes, WebSocketRoute("/lease", self._on_websocket)])
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve a request of the page itself, and refuse all others."""
+        is_websocket = scope["type"] == "websocket"
+
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                more = [(name.encode(), value.encode()) for name, value in RESPONSE_HEADERS.items()]
+                message["headers"] = [*message.get("headers", ()), *more]
+            await send(message)
+
+        if self._address.admits(scope["headers"], needs_origin=is_websocket):
+            await self._inner(scope, receive, send_with_headers)
+        elif is_websocket:
+            await send({"type": "websocket.close"})  # before it is accepted: the response is 403
+        else:
+            refused = PlainTextResponse("This server has another name.\n", 403)
+            await refused(scope, receive, send_with_headers)
+
+    async def _on_websocket(self, websocket: WebSocket) -> None:
+        try:
+            await websocket.accept()
+            await self._serve(Socket(websocket))
+        except WebSocketDisconnect:
+            return
+        except (ClosingError, BadMessageError) as error:
+            closing = error if isinstance(error, ClosingError) else BAD_MESSAGE
+            with suppress(WebSocketDisconnect, RuntimeError):  # it has ended meanwhile
+                await websocket.close(closing.code, closing.sentence)
+        except Exception:
+            _log.exception("a page ended with an unexpected error")
+            raise
+
+    async def _serve(self, socket: Socket) -> None:
+        """Pair a page and hold its lease, until the connection ends, or the server ends it with an error."""
+        session = self._admit(*messages.read_hello(await socket.read(HELLO_LIMIT_S)))
+        if (before := self._runs.pop(session, None)) is not None:
+            self._relay.leave(before)
+        if self._relay.is_full:
+            raise TOO_MANY_PAGES
+        socket.show("welcome", messages.welcome(self._name, session.token))
+        run = self._runs[session] = self._relay.enter(socket)
+        self._say(f"{self._name}: a page is connected")
+        writing = asyncio.ensure_future(socket.write())
+        try:
+            await self._hold(socket, run)
+        finally:
+            self._relay.leave(run)
+            writing.cancel()
+            if self._runs.get(session) is run:
+                del self._runs[session]
+            self._say(f"{self._name}: the connection to a page has ended")
+
+    def _admit(self, code: str, token: str) -> Session:
+        now_s = asyncio.get_running_loop().time()
+        had_code = self._pairing.has_code(now_s)
+        session = (
+            self._pairing.resume(token, now_s)
+            if token
+            else self._pairing.pair(code, secrets.token_urlsafe(32), now_s)
+        )
+        if session is None:
+            if had_code and not self._pairing.has_code(now_s):
+                self._say("too many wrong codes: the present code is withdrawn")
+            raise NOT_PAIRED
+        return session
+
+    async def _hold(self, socket: Socket, run: Run) -> None:
+        loop = asyncio.get_running_loop()
+        since_s, count = loop.time(), 0
+        while True:
+            lease = messages.read_lease(await socket.read(SILENCE_S))
+            if not self._relay.hear(run, lease):
+                raise REPLACED
+            since_s, count = (since_s, count + 1) if loop.time() - since_s < 1.0 else (loop.time(), 1)
+            if count > MAX_MESSAGES_PER_S:
+                raise BAD_MESSAGE
+
+
+def _route(file: str, kind: str) -> Route:
+    content = (files("station") / "page" / file).read_bytes()
+
+    async def respond(_: Request) -> Response:
+        return Response(content, media_type=f"text/{kind}")
+
+    return Route("/" if file == "index.html" else f"/{file}", respond)

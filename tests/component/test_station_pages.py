@@ -1,0 +1,235 @@
+"""Pages of an e-stop station on a virtual network: the real relay and the real supervisor."""
+
+import asyncio
+import itertools
+import json
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+from typing import Any
+
+import pytest
+
+from station.relay import MAX_PAGES, Relay
+from teleop.station.state import Lease, Word, pressed, received, released, sent
+from tests.component.rig import Rig
+from tests.component.test_estop_stations import DOOR, ESTOP, LOST, reset, robot, section, states, stop_time_s
+from wire.lease import LEASE_S
+from wire.messages import EstopLease, EstopStationStatus
+
+ANSWER_S = 0.005
+"""How long a page takes to answer."""
+challenges = itertools.count(1)
+"""Of all pages: those of two never agree."""
+
+
+class Phone:
+    """A page that answers each challenge, until it hangs; its lease is that of the terminal station."""
+
+    def __init__(self, rig: Rig, relay: Relay) -> None:
+        self._rig, self._relay = rig, relay
+        self.lease, self.view, self.hangs = Lease(), dict[str, Any](), False
+        self.run = relay.enter(self)
+
+    def show(self, kind: str, text: str) -> None:
+        message = json.loads(text)
+        if kind == "view":
+            self.view = message
+        elif not self.hangs:
+            answer = EstopLease(int(message["challenge"]), int(message["response"]), stop=message["stop"])
+            self.lease = received(self.lease, answer)
+            self._rig.loop.call_later(ANSWER_S, self.send)
+
+    def send(self) -> bool:
+        self.lease, message = sent(self.lease, next(challenges), self._rig.loop.time())
+        return self._relay.hear(self.run, message)
+
+    def press(self) -> None:
+        self.lease = pressed(self.lease, self._rig.loop.time())
+        self.send()
+
+    @property
+    def word(self) -> Word:
+        return self.lease.word(self._rig.loop.time())
+
+    def leave(self) -> None:
+        self.hangs = True
+        self._relay.leave(self.run)
+
+
+@asynccontextmanager
+async def server(rig: Rig, *, joins: bool = True) -> AsyncGenerator[Relay]:
+    relay, stop = Relay("door", "tcp/x:1"), asyncio.Event()
+    if joins:
+        relay.join(rig.network.open_joined("page server"))
+    running = asyncio.create_task(relay.run(stop))
+    try:
+        yield relay
+    finally:
+        stop.set()
+        await running
+
+
+async def test_a_page_is_heard_and_the_robot_drives_while_it_answers() -> None:
+    rig = Rig()
+    async with robot(rig), server(rig) as relay:
+        await rig.pass_time(1.0)
+        assert LOST in rig.newest_status.causes
+        phone = Phone(rig, relay)
+        await rig.pass_time(0.5)
+        assert phone.word is Word.HEARD
+        assert phone.view["required"] is True
+        await rig.drive(0.5)
+        await rig.pass_time(20.0)
+        assert (rig.output(), phone.word) == ((0.5, 0.0), Word.HEARD)
+
+
+async def test_a_page_that_hangs_ends_the_lease_because_the_server_repeats_nothing() -> None:
+    rig = Rig()
+    async with robot(rig), server(rig) as relay:
+        phone = Phone(rig, relay)
+        await rig.pass_time(0.5)
+        await rig.drive(0.5)
+        hung_s = rig.loop.time()
+        phone.hangs = True
+        assert LEASE_S - 0.06 < await stop_time_s(rig, hung_s) < LEASE_S + 0.001
+        assert rig.newest_status.causes == [LOST]
+        phone.hangs = False
+        await rig.pass_time(0.5)
+        assert phone.word is not Word.NOT_HEARD
+        assert rig.newest_status.causes == [LOST], "back, and not reset"
+        assert (await reset(rig))[0]
+        await rig.drive(0.5)
+
+
+async def test_a_page_whose_connection_ends_stops_the_robot_at_once_and_a_new_one_is_another_run() -> None:
+    rig = Rig()
+    async with robot(rig), server(rig) as relay:
+        phone = Phone(rig, relay)
+        await rig.pass_time(0.5)
+        await rig.drive(0.5)
+        left_s = rig.loop.time()
+        phone.leave()
+        assert await stop_time_s(rig, left_s) < 0.004
+        assert states(rig.newest_status) == {"door": EstopStationStatus.LOST}
+        assert not phone.send()
+        again = Phone(rig, relay)
+        assert again.run.presence is phone.run.presence  # used again, for another epoch
+        await rig.pass_time(0.5)
+        assert again.word is Word.STOPPED
+        phone.send()
+        await rig.pass_time(0.5)
+        assert states(rig.newest_status) == {"door": EstopStationStatus.HEARD}
+        assert (await reset(rig))[0]
+        await rig.drive(0.5)
+
+
+async def test_a_server_that_dies_stops_the_robot_at_once() -> None:
+    rig = Rig()
+    async with robot(rig):
+        bus = rig.network.open_joined("page server")
+        async with server(rig, joins=False) as relay:
+            relay.join(bus)
+            Phone(rig, relay)
+            await rig.pass_time(0.5)
+            await rig.drive(0.5)
+            died_s = rig.loop.time()
+            bus.die()
+            assert await stop_time_s(rig, died_s) < 0.004
+
+
+async def test_a_press_stops_at_once_and_only_its_release_permits_the_reset() -> None:
+    rig = Rig()
+    async with robot(rig), server(rig) as relay:
+        phone = Phone(rig, relay)
+        await rig.pass_time(0.5)
+        await rig.drive(0.5)
+        pressed_s = rig.loop.time()
+        phone.press()
+        assert await stop_time_s(rig, pressed_s) < 0.004
+        assert phone.lease.is_confirmed
+        assert phone.word is Word.STOPPED
+        assert await reset(rig) == (False, "the e-stop station door is pressed: release it there first")
+        phone.lease = released(phone.lease)
+        await rig.pass_time(0.5)
+        assert (await reset(rig))[0]
+        await rig.drive(0.5)
+        phone.press()
+        await rig.pass_time(0.5)
+        assert ESTOP in rig.newest_status.causes, "a second press after a reset"
+
+
+async def test_a_press_of_a_station_that_is_not_configured_stops_the_robot_too() -> None:
+    rig = Rig()
+    async with robot(rig, section()), server(rig) as relay:
+        phone = Phone(rig, relay)
+        await rig.drive(0.5)
+        assert "has no station door" in phone.view["problem"]
+        phone.press()
+        await rig.pass_time(0.5)
+        assert ESTOP in rig.newest_status.causes
+        assert (phone.view["latched"], phone.word) == (True, Word.NOT_HEARD)
+        assert (await reset(rig))[0]
+        await rig.pass_time(1.0)
+        assert ESTOP not in rig.newest_status.causes, "pressed once, stopped twice"
+
+
+async def test_the_second_page_is_not_heard_but_its_press_counts_and_its_end_stops_nothing() -> None:
+    rig = Rig()
+    async with robot(rig), server(rig) as relay:
+        first = Phone(rig, relay)
+        await rig.pass_time(0.5)
+        second = Phone(rig, relay)
+        await rig.pass_time(1.0)
+        assert (first.word, second.word) == (Word.HEARD, Word.NOT_HEARD)
+        assert "Another page" in second.view["problem"]
+        await rig.drive(0.5)
+        second.press()
+        await rig.pass_time(0.5)
+        assert ESTOP in rig.newest_status.causes
+        second.leave()
+        await rig.pass_time(0.5)
+        assert LOST not in rig.newest_status.causes
+        assert first.word is Word.STOPPED
+        first.leave()
+        await rig.pass_time(0.5)
+        assert LOST in rig.newest_status.causes
+
+
+async def test_there_are_no_more_pages_than_permitted() -> None:
+    rig = Rig()
+    async with server(rig) as relay:
+        phones = [Phone(rig, relay) for _ in range(MAX_PAGES)]
+        assert relay.is_full
+        phones[0].leave()
+        phones[0].leave()
+        assert not relay.is_full
+
+
+async def test_before_the_supervisor_runs_a_page_waits_and_its_press_counts_later() -> None:
+    rig = Rig()
+    async with server(rig, joins=False) as relay:
+        phone = Phone(rig, relay)
+        await rig.pass_time(1.0)
+        assert phone.view["problem"] == "Waiting for the supervisor at tcp/x:1."
+        phone.press()
+        relay.join(rig.network.open_joined("page server"))
+        async with robot(rig, DOOR):
+            await rig.pass_time(1.0)
+            assert ESTOP in rig.newest_status.causes
+            assert phone.lease.is_confirmed
+
+
+@pytest.mark.parametrize("is_stop_lost", [False, True])
+async def test_a_press_is_repeated_by_the_page_until_a_status_shows_it(is_stop_lost: bool) -> None:  # noqa: FBT001 - a parameter of the test
+    rig = Rig()
+    async with robot(rig), server(rig) as relay:
+        phone = Phone(rig, relay)
+        await rig.pass_time(0.5)
+        await rig.drive(0.5)
+        if is_stop_lost:
+            rig.network.cut("page server", up=True, down=False)
+        phone.press()
+        rig.network.heal("page server")
+        await rig.pass_time(1.0)
+        assert ESTOP in rig.newest_status.causes
+        assert phone.lease.is_confirmed

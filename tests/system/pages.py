@@ -1,0 +1,137 @@
+"""A server of a station's page in a terminal of its own, and a page without a browser."""
+
+import asyncio
+import json
+import re
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager, suppress
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed
+from websockets.typing import Origin
+
+from teleop.station.state import Lease, Word, pressed, received, sent
+from tests.system.harness import DRIVE_TRIES, PATIENCE_S, Robot, robot
+from tests.system.operators import LIMIT_S, Operator, until
+from tests.system.ports import free_endpoint
+from tests.system.test_estop_stations import LIFELINE, config_with, state
+from wire import topics
+from wire.messages import EstopLease
+
+URL = re.compile(r"https?://\S+#\w+")
+CHALLENGES = count(1)
+
+
+class Server(Operator):
+    """`lifeline station --name phone` at a free port."""
+
+    def __init__(self, endpoint: str) -> None:
+        self.port = free_endpoint().rpartition(":")[2]
+        self.origin = f"http://127.0.0.1:{self.port}"
+        options = ("--name", "phone", "--port", self.port, "--endpoint", endpoint)
+        super().__init__(LIFELINE, "station", *options)
+
+    async def address(self, number: int = 1) -> str:
+        """Return the page's address with the code that was printed as the first, second, …."""
+        await until(lambda: len(URL.findall(self.output)) >= number)
+        return URL.findall(self.output)[number - 1]
+
+    async def new_address(self) -> str:
+        """Press Enter, and return the page's address with the new code."""
+        before = len(URL.findall(self.output))
+        self.type(b"\r")
+        return await self.address(before + 1)
+
+    @asynccontextmanager
+    async def page(self, **hello: str) -> AsyncGenerator["Page"]:
+        """A page that answers the challenges; without `code` or `token`, it is paired with a new code."""
+        hello = hello or {"code": (await self.new_address()).partition("#")[2]}
+        async with self.socket() as socket:
+            await socket.send(json.dumps(hello))
+            page = Page(socket)
+            answering = asyncio.ensure_future(page.answer())
+            try:
+                yield page
+            finally:
+                answering.cancel()
+
+    @asynccontextmanager
+    async def heard_page(self, subject: Robot) -> AsyncGenerator["Page"]:
+        """A page that is heard; a busy machine may have closed the connection of an earlier one, which does not come back."""
+        for _ in range(DRIVE_TRIES):
+            async with self.page() as page:
+                try:
+                    await subject.until(lambda: state(subject, "phone") == "heard", "heard", PATIENCE_S / 4)
+                except AssertionError as error:
+                    print(f"again: {error}")
+                    continue
+                yield page
+                return
+        raise AssertionError("no page is heard")
+
+    def socket(self, origin: str | None = "", host: str = "127.0.0.1") -> connect:
+        """Open the page's websocket, with an origin (by default, its own), as if this computer was named `host`."""
+        given = origin if origin != "" else self.origin
+        return connect(
+            f"ws://{host}:{self.port}/lease",
+            origin=None if given is None else Origin(given),
+            host="127.0.0.1",
+            port=int(self.port),
+        )
+
+
+class Page:
+    """Holds the lease like the page in JavaScript."""
+
+    def __init__(self, socket: ClientConnection) -> None:
+        self.socket = socket
+        self.lease, self.token, self.view, self.hangs = Lease(), "", dict[str, Any](), False
+
+    async def answer(self) -> None:
+        with suppress(ConnectionClosed):
+            async for text in self.socket:
+                message = json.loads(text)
+                if message["kind"] == "welcome":
+                    self.token = message["token"]
+                elif message["kind"] == "view":
+                    self.view = message
+                else:
+                    challenge, response = int(message["challenge"]), int(message["response"])
+                    self.lease = received(self.lease, EstopLease(challenge, response, stop=message["stop"]))
+                if not self.hangs:
+                    await self.send()
+
+    async def send(self) -> None:
+        self.lease, message = sent(self.lease, next(CHALLENGES), asyncio.get_running_loop().time())
+        numbers = {"challenge": str(message.challenge), "response": str(message.response)}
+        await self.socket.send(json.dumps(numbers | {"stop": message.stop}))
+
+    async def press(self) -> None:
+        self.lease = pressed(self.lease, asyncio.get_running_loop().time())
+        await self.send()
+
+    @property
+    def word(self) -> Word:
+        return self.lease.word(asyncio.get_running_loop().time())
+
+    async def closed(self) -> int:
+        """Wait until the server closes the connection, and return its code."""
+        await asyncio.wait_for(self.socket.wait_closed(), LIMIT_S)
+        assert self.socket.close_code is not None
+        return self.socket.close_code
+
+
+@asynccontextmanager
+async def served(tmp_path: Path, *nodes: str, teleop: bool = False) -> AsyncGenerator[tuple[Robot, Server]]:
+    """A robot with the required station `phone`, by default only its supervisor, and the server of its page."""
+    config = config_with(tmp_path, phone=True)
+    async with robot(tmp_path, *(nodes or (topics.SUPERVISOR,)), teleop=teleop, config=config) as subject:
+        server = Server(subject.endpoint)
+        try:
+            await server.address()
+            yield subject, server
+        finally:
+            server.close()

@@ -1,0 +1,322 @@
+"""The server of a station's page as a real process: presses, losses, garbage, foreign pages, and codes."""
+
+import asyncio
+import http.client
+import signal
+import socket
+import subprocess
+import sys
+import time
+from contextlib import ExitStack, suppress
+from pathlib import Path
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from station.pairing import MAX_WRONG_CODES
+from station.relay import MAX_PAGES
+from station.server import MAX_CONNECTIONS
+from teleop.station.state import Word
+from tests.system.authority import TestAuthority
+from tests.system.harness import Robot
+from tests.system.namespaces import needs_namespaces
+from tests.system.operators import ROOT, Operator, until
+from tests.system.pages import URL, Page, served
+from tests.system.test_estop_stations import ESTOP, LIFELINE, LOST, drive, heard, refused, state
+from wire.lease import LEASE_S
+from wire.roles import Role
+
+pytestmark = pytest.mark.timeout(180)
+
+BAD_MESSAGE, NOT_PAIRED, SILENT, REPLACED, TOO_MANY = 4400, 4401, 4408, 4409, 4429
+
+
+async def lost(subject: Robot) -> None:
+    await subject.until(
+        lambda: LOST in subject.status.causes and state(subject, "phone") == "lost", "its loss"
+    )
+
+
+async def test_a_press_latches_the_estop_and_a_closed_connection_is_the_loss_of_the_station(
+    tmp_path: Path,
+) -> None:
+    async with served(tmp_path) as (subject, server):
+        async with server.heard_page(subject) as page:
+            await until(lambda: page.word is not Word.NOT_HEARD and page.view["required"])
+            await page.press()
+            await subject.until(lambda: ESTOP in subject.status.causes, "its press")
+            await until(lambda: page.word is Word.STOPPED and page.lease.is_confirmed)
+        await lost(subject)
+        await until(lambda: "the connection to a page has ended" in server.output)
+
+
+@pytest.mark.timed
+async def test_a_robot_that_drives_stops_when_the_connection_of_the_page_closes(tmp_path: Path) -> None:
+    async with (
+        served(tmp_path, "supervisor", "sim", teleop=True) as (subject, server),
+        server.heard_page(subject) as page,
+    ):
+        await drive(subject, "phone")
+        closed_s = time.monotonic()
+        page.socket.transport.abort()
+        to_zero_s = await subject.zero_after(closed_s)
+        print(f"\n    measured: a page's connection is cut to zero on cmd_vel: {to_zero_s * 1e3:.1f} ms")
+        assert to_zero_s < LEASE_S
+        await lost(subject)
+        assert "station phone is not heard" in await refused(subject)
+
+
+async def test_a_page_that_is_silent_on_an_open_connection_loses_its_lease_and_then_its_connection(
+    tmp_path: Path,
+) -> None:
+    async with served(tmp_path) as (subject, server), server.heard_page(subject) as page:
+        page.hangs = True
+        await lost(subject)
+        assert await page.closed() == SILENT
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGSTOP])
+async def test_a_server_that_ends_or_stops_is_the_loss_of_the_station(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    async with served(tmp_path) as (subject, server), server.heard_page(subject) as page:
+        server.send(number)
+        await lost(subject)
+        await until(lambda: page.word is Word.NOT_HEARD)
+        if number == signal.SIGTERM:
+            assert await server.ended() == (0, "")
+
+
+@pytest.mark.timed  # a late process may lose its presence
+async def test_a_terminal_that_accepts_no_output_does_not_end_the_lease(tmp_path: Path) -> None:
+    async with served(tmp_path) as (subject, server), server.heard_page(subject) as page:
+        server.look(at=False)
+        for _ in range(60):  # each prints a picture of 2 kB, until the terminal's buffer is full
+            server.type(b"\r")
+            await asyncio.sleep(0.02)
+        await subject.never(lambda: state(subject, "phone") != "heard", "stopped by its terminal", 1.0)
+        await page.press()
+        await subject.until(lambda: ESTOP in subject.status.causes, "its press")
+        server.look(at=True)
+
+
+GARBAGE: list[str | bytes] = [
+    b"\x00\xff",
+    "{",
+    '{"challenge": "1", "response": "2"}',
+    '{"challenge": "1", "response": "2", "stop": false, "linear": 1.0}',
+    '{"token": "again"}',
+    "[" * 500,
+]
+
+
+async def test_garbage_ends_its_own_connection_only(tmp_path: Path) -> None:
+    async with served(tmp_path) as (subject, server):
+        for message in GARBAGE:
+            async with server.page() as page:
+                await until(lambda page=page: page.token)
+                await page.socket.send(message)
+                assert await page.closed() == BAD_MESSAGE
+            async with server.socket() as unpaired:
+                await unpaired.send(message)
+                await unpaired.wait_closed()
+                assert unpaired.close_code in {BAD_MESSAGE, NOT_PAIRED}
+        async with server.page() as page:
+            await until(lambda: page.token)
+            await page.socket.send("x" * 513)
+            assert await page.closed() == 1009
+        async with server.page() as page:
+            await until(lambda: page.token)
+            with suppress(ConnectionClosed):
+                for _ in range(1000):
+                    await page.send()
+            assert await page.closed() == BAD_MESSAGE
+        with socket.create_connection(("127.0.0.1", int(server.port))) as stream:
+            stream.sendall(b"\x16\x03\x01\x02\x00garbage\r\n\r\n")
+            assert stream.recv(1000).startswith(b"HTTP/1.1 400")
+        async with server.heard_page(subject):
+            assert "Traceback" not in server.output
+
+
+async def test_idle_connections_keep_new_pages_away_and_not_the_one_that_is_open(tmp_path: Path) -> None:
+    async with served(tmp_path) as (subject, server), server.heard_page(subject) as page:
+        with ExitStack() as idle:
+            for _ in range(MAX_CONNECTIONS):
+                idle.enter_context(socket.create_connection(("127.0.0.1", int(server.port))))
+            late = http.client.HTTPConnection("127.0.0.1", int(server.port))
+            late.request("GET", "/")
+            assert late.getresponse().status == 503
+            late.close()
+            await page.press()
+            await subject.until(lambda: ESTOP in subject.status.causes, "its press")
+
+
+async def test_pages_of_other_servers_and_names_are_refused(tmp_path: Path) -> None:
+    async with served(tmp_path) as (_, server):
+        for origin in (None, "null", "http://evil.example", f"https://127.0.0.1:{server.port}"):
+            with pytest.raises(InvalidStatus, match="403"):
+                async with server.socket(origin):
+                    pytest.fail(f"{origin} was served")
+        with pytest.raises(InvalidStatus, match="403"):
+            async with server.socket(host="evil.example"):
+                pytest.fail("a changed name was served")
+        page = http.client.HTTPConnection("127.0.0.1", int(server.port))
+        for path, headers, wanted in (
+            ("/", {}, 200),
+            ("/station.js", {}, 200),
+            ("/", {"Host": f"evil.example:{server.port}"}, 403),
+            ("/", {"Origin": "http://evil.example"}, 403),
+            ("/../server.py", {}, 404),
+        ):
+            page.request("GET", path, headers=headers)
+            response = page.getresponse()
+            response.read()
+            assert (path, response.status) == (path, wanted)
+            assert str(response.getheader("content-security-policy")).startswith("default-src 'none'; ")
+        page.close()
+
+
+async def test_a_code_counts_once_and_wrong_codes_withdraw_it(tmp_path: Path) -> None:
+    async with served(tmp_path) as (subject, server):
+        code = (await server.address()).partition("#")[2]
+        async with server.page(code=code):
+            await heard(subject, "phone")
+            async with server.page(code=code) as second:
+                assert await second.closed() == NOT_PAIRED
+        code = (await server.new_address()).partition("#")[2]
+        for _ in range(MAX_WRONG_CODES):
+            async with server.page(code="wrong") as guess:
+                assert await guess.closed() == NOT_PAIRED
+        await until(lambda: "too many wrong codes" in server.output)
+        async with server.page(code=code) as late:
+            assert await late.closed() == NOT_PAIRED
+        async with server.heard_page(subject):
+            pass
+
+
+async def test_a_session_connects_again_in_the_place_of_its_old_connection(tmp_path: Path) -> None:
+    async with served(tmp_path) as (subject, server), server.page() as page:
+        await until(lambda: page.token)
+        async with server.page(token=page.token) as again:
+            await until(lambda: again.token)
+            await page.send()
+            assert await page.closed() == REPLACED
+            await until(lambda: again.word is not Word.NOT_HEARD)
+            await heard(subject, "phone")
+        async with server.page(token="x" * 43) as stranger:
+            assert await stranger.closed() == NOT_PAIRED
+
+
+async def test_a_page_too_many_is_refused(tmp_path: Path) -> None:
+    async with served(tmp_path) as (_, server):
+        pages: list[tuple[object, Page]] = []
+        for _ in range(MAX_PAGES):
+            opening = server.page()
+            pages.append((opening, await opening.__aenter__()))
+            await until(lambda: pages[-1][1].token)
+        async with server.page() as page:
+            assert await page.closed() == TOO_MANY
+        for opening, _ in pages:
+            await opening.__aexit__(None, None, None)  # type: ignore[attr-defined]
+
+
+def refusal_of(*arguments: str) -> str:
+    """Run `lifeline station` without a terminal, and return the sentence with which it refuses."""
+    ended = subprocess.run(
+        [LIFELINE, "station", *arguments],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (ended.returncode, ended.stdout) == (2, "")
+    (sentence,) = ended.stderr.splitlines()
+    return sentence
+
+
+def test_what_cannot_be_served_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    assert refusal_of("--name", "front door").startswith("lifeline: 'front door' is not a name")
+    with socket.create_server(("127.0.0.1", 0)) as busy:
+        port = str(busy.getsockname()[1])
+        assert f"port {port} on 127.0.0.1 is in use by another program" in refusal_of("--port", port)
+    assert refusal_of("--open").startswith("lifeline: --open needs TLS: make a certificate with")
+    authority = TestAuthority(tmp_path)
+    operator, here = authority.bundle("alice", Role.OPERATOR), authority.bundle("door", Role.ESTOP)
+    for bundle in (operator, here):
+        assert "is not one of the role estop for an address of this computer" in refusal_of(
+            "--open", "--keys", str(bundle)
+        )
+
+
+NETWORK = "ip link set lo up && ip address add 10.77.0.1/32 dev lo && exec "
+CLIENT = """
+import asyncio, json, ssl, sys, urllib.error, urllib.request
+from websockets.asyncio.client import connect
+authority, code = sys.argv[1:]
+trusting = ssl.create_default_context(cafile=authority)
+async def main():
+    async with connect("wss://10.77.0.1:8470/lease", ssl=trusting, origin="https://10.77.0.1:8470") as page:
+        await page.send(json.dumps({"code": code}))
+        print(json.loads(await page.recv())["kind"])
+asyncio.run(main())
+print(urllib.request.urlopen("https://10.77.0.1:8470/", context=trusting).status)
+try:
+    urllib.request.urlopen("http://10.77.0.1:8470/")
+except OSError:
+    print("no TLS, no page")
+"""
+
+
+@needs_namespaces
+async def test_the_page_opens_to_the_network_only_after_a_yes_and_over_tls(tmp_path: Path) -> None:
+    bundle = TestAuthority(tmp_path).bundle("phone-page", Role.ESTOP, hosts=("10.77.0.1",))
+    station = f"{LIFELINE} station --open --keys {bundle} --endpoint tcp/127.0.0.1:7447"
+    for answer in ("no", "yes"):
+        server = Operator("unshare", "--net", "sh", "-c", NETWORK + station)
+        try:
+            await until(lambda server=server: "Type yes to open it:" in server.output)
+            assert "everybody who can reach 10.77.0.1" in server.picture
+            assert URL.search(server.output) is None
+            server.type(f"{answer}\r".encode())
+            if answer == "no":
+                code, errors = await server.ended()
+                assert (code, errors) == (2, "lifeline: not confirmed: the page was not opened\n")
+                continue
+            await until(lambda server=server: URL.search(server.output))
+            found = URL.search(server.output)
+            assert found is not None
+            where, _, code = found[0].partition("#")
+            assert where == "https://10.77.0.1:8470/"
+            client = await asyncio.create_subprocess_exec(
+                *("nsenter", f"--target={server.process.pid}", "--net", sys.executable, "-c", CLIENT),
+                *(str(bundle / "authority.pem"), code),
+                stdout=asyncio.subprocess.PIPE,
+            )
+            output, _ = await client.communicate()
+            assert output.decode().split("\n") == ["welcome", "200", "no TLS, no page", ""]
+        finally:
+            server.close()
+
+
+@needs_namespaces
+async def test_without_a_terminal_the_network_needs_yes_as_an_option(tmp_path: Path) -> None:
+    bundle = TestAuthority(tmp_path).bundle("phone-page", Role.ESTOP, hosts=("10.77.0.1",))
+    process = await asyncio.create_subprocess_exec(
+        *("unshare", "--net", "sh", "-c", f"{NETWORK} {LIFELINE} station --open --keys {bundle}"),
+        stdin=asyncio.subprocess.DEVNULL,
+        stderr=asyncio.subprocess.PIPE,
+    )
+    _, errors = await process.communicate()
+    assert errors.decode() == "lifeline: there is no terminal to confirm --open: add --yes\n"
+
+
+def test_without_its_packages_the_command_says_how_to_install_them() -> None:
+    code = (
+        "import sys; sys.modules['uvicorn'] = None; sys.argv = ['lifeline', 'station'];"
+        "from lifeline.cli.app import main; main()"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=ROOT
+    )
+    assert ended.returncode == 2
+    assert ended.stderr == "lifeline: this needs an extra: install lifeline[station], with `make setup`\n"

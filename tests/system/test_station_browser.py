@@ -1,0 +1,170 @@
+"""The page of an e-stop station in a real browser: touch, keys, closing, hiding, freezing, and SIGKILL."""
+
+import os
+import time
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.system.browser import Browser, Tab, browser, needs_chromium
+from tests.system.harness import PATIENCE_S, Robot, patiently
+from tests.system.pages import Server, served
+from tests.system.test_estop_stations import ESTOP, LOST, drive, heard, state
+from wire import topics
+
+pytestmark = [needs_chromium, pytest.mark.timeout(180), pytest.mark.long]
+
+PRESSES = int(os.environ.get("LIFELINE_PRESSES", "5"))
+LATE_S = 0.3
+"""How late a process may be beside other tests."""
+
+
+@asynccontextmanager
+async def phone(tmp_path: Path) -> AsyncGenerator[tuple[Robot, Server, Browser, Tab]]:
+    """A supervisor, and a browser whose page is heard as its required station."""
+    async with served(tmp_path) as (subject, server), browser(tmp_path / "profile") as chromium:
+        tab = await chromium.open(await server.new_address())
+        await tab.is_heard()
+        await heard(subject, "phone")
+        yield subject, server, chromium, tab
+
+
+async def release(subject: Robot, tab: Tab) -> None:
+    """Hold the release until the page is released; a busy machine may hide it for a moment, and then again."""
+
+    async def attempt() -> None:
+        await tab.shows("STOPPED")
+        if await tab.evaluate("document.body.dataset.pressed") == "true":
+            place = await tab.middle_of("#release")
+            await tab.mouse("mousePressed", *place)
+            try:
+                await tab.waits_for("document.body.dataset.pressed === 'false'", PATIENCE_S / 4)
+            finally:
+                await tab.mouse("mouseReleased", *place)
+
+    await patiently(attempt)
+    await heard(subject, "phone")
+
+
+async def lost(subject: Robot) -> None:
+    await subject.until(
+        lambda: LOST in subject.status.causes and state(subject, "phone") == "lost", "its loss"
+    )
+
+
+async def test_a_touch_stops_and_holding_the_release_permits_the_reset(tmp_path: Path) -> None:
+    async with phone(tmp_path) as (subject, _, _, tab):
+        assert await tab.evaluate("location.href.includes('#')") is False
+        await tab.click(200, 300)
+        await subject.until(lambda: ESTOP in subject.status.causes, "its press")
+        await tab.shows("STOPPED", "Stopped from here, confirmed after")
+        await tab.click(*await tab.middle_of("#release"))  # a touch releases nothing
+        await subject.never(lambda: state(subject, "phone") == "heard", "released by a touch", 0.3)
+        await release(subject, tab)
+        await tab.shows("STOPPED", "The robot is stopped: ESTOP")
+
+
+async def test_a_key_stops_and_a_key_without_a_meaning_of_its_own_does_not(tmp_path: Path) -> None:
+    async with phone(tmp_path) as (subject, _, _, tab):
+        for key in ("Shift", "F11", "Tab"):
+            await tab.press_key(key)
+        await subject.never(lambda: ESTOP in subject.status.causes, "stopped by a modifier", 0.3)
+        await tab.press_key("x")
+        await subject.until(lambda: ESTOP in subject.status.causes, "its press")
+
+
+async def test_a_page_that_is_closed_is_the_loss_of_the_station(tmp_path: Path) -> None:
+    async with phone(tmp_path) as (subject, _, _, tab):
+        await tab.close()
+        await lost(subject)
+
+
+async def test_a_page_that_is_hidden_is_lost_and_connects_again_when_it_is_seen(tmp_path: Path) -> None:
+    async with phone(tmp_path) as (subject, _, chromium, tab):
+        other = await chromium.open("about:blank")
+        await lost(subject)
+        await tab.shows("NOT HEARD", "The page was hidden.")
+        await other.close()
+        await tab.do("Page.bringToFront")
+        await heard(subject, "phone")
+        await tab.shows("STOPPED", "ESTOP_STATION_LOST")
+
+
+async def test_a_page_that_is_frozen_by_the_browser_is_lost(tmp_path: Path) -> None:
+    async with phone(tmp_path) as (subject, _, _, tab):
+        await tab.do("Page.setWebLifecycleState", state="frozen")
+        await lost(subject)
+
+
+async def test_a_browser_that_is_killed_is_the_loss_of_the_station(tmp_path: Path) -> None:
+    async with phone(tmp_path) as (subject, _, chromium, _):
+        chromium.kill()
+        await lost(subject)
+
+
+async def test_a_page_whose_script_hangs_is_lost_although_its_connection_is_open(tmp_path: Path) -> None:
+    async with phone(tmp_path) as (subject, _, _, tab):
+        await tab.begin("while (true) {}")
+        await lost(subject)
+
+
+async def test_a_page_says_when_the_supervisor_is_gone_and_keeps_a_press(tmp_path: Path) -> None:
+    async with phone(tmp_path) as (subject, server, _, tab):
+        subject.kill(topics.SUPERVISOR)
+        await tab.shows("NOT HEARD", "Waiting for the supervisor")
+        await tab.click(200, 300)
+        await tab.shows("NOT HEARD", "PRESSED, not confirmed. Waiting for the supervisor")
+        subject.start(topics.SUPERVISOR, "--config", str(tmp_path / "robot.toml"))
+        await tab.shows("STOPPED", "Stopped from here")
+        server.process.kill()
+        await tab.shows("NOT HEARD", "No connection to the station's program.")
+
+
+async def test_a_page_without_a_code_or_with_a_used_one_says_so(tmp_path: Path) -> None:
+    async with phone(tmp_path) as (_, server, chromium, _):
+        used = await chromium.open((await server.address()).partition("#")[0])
+        await used.shows("NOT HEARD", "Not paired: open the address with its code.")
+        again = await chromium.open(await server.address())
+        await again.shows("NOT HEARD", "Not paired: open the address with a new code")
+
+
+async def test_the_page_loads_nothing_from_elsewhere_and_its_policy_refuses_nothing_of_its_own(
+    tmp_path: Path,
+) -> None:
+    async with phone(tmp_path) as (_, server, _, tab):
+        loaded = await tab.evaluate("performance.getEntriesByType('resource').map((one) => one.name)")
+        assert {name.removeprefix(server.origin) for name in loaded} >= {
+            "/lease.js",
+            "/station.js",
+            "/style.css",
+        }
+        assert all(name.startswith(server.origin) for name in loaded)
+        assert await tab.evaluate("getComputedStyle(document.getElementById('stop')).position") == "fixed"
+        assert await tab.evaluate("fetch('http://127.0.0.1:9/').catch((error) => error.name)") == "TypeError"
+
+
+@pytest.mark.timed
+@pytest.mark.timeout(120 + 30 * PRESSES)
+async def test_from_a_touch_to_zero_on_cmd_vel(tmp_path: Path) -> None:
+    async with (
+        served(tmp_path, topics.SUPERVISOR, topics.SIM, teleop=True) as (subject, server),
+        browser(tmp_path / "profile") as chromium,
+    ):
+        tab = await chromium.open(await server.new_address())
+        times_s: list[float] = []
+        for _ in range(PRESSES):
+            await drive(subject, "phone", keys="w", speed_m_s=0.1)
+            touched_s = time.monotonic()
+            await tab.mouse("mousePressed", 200, 300)
+            times_s.append(await subject.zero_after(touched_s))
+            await tab.mouse("mouseReleased", 200, 300)
+            await tab.shows("STOPPED", "Stopped from here")
+            await release(subject, tab)
+        times_s.sort()
+        print(
+            f"\n    measured: a touch in the browser to zero on cmd_vel: median {times_s[len(times_s) // 2] * 1e3:.1f} ms, "
+            f"most {times_s[-1] * 1e3:.1f} ms, n = {len(times_s)}: {[round(time_s * 1e3, 1) for time_s in times_s]}"
+        )
+        assert times_s[len(times_s) // 2] < LATE_S
