@@ -13,14 +13,15 @@ from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.reach import reach, run_command
 from deploy.stack.robot_file import read_robot
-from lifeline.command import StatusLine, note
+from lifeline.command import note
 from lifeline.commission import plan, timing
-from lifeline.commission.driver import AbortedError, Driver
+from lifeline.commission.driver import AbortedError, Driver, SurpriseError
 from lifeline.commission.findings import Findings, report, results
 from lifeline.commission.measured import TableError, with_results
 from lifeline.commission.mounting import forward_mistakes, turn_mistakes
-from lifeline.commission.person import Keyboard
+from lifeline.commission.person import Person, TerminalPerson
 from lifeline.commission.trace import Driven
+from lifeline.commission.wall import Wall
 from supervisor.config import UNMEASURED_M_S, NamedLidarSection, SupervisorSection
 from teleop.holder import HeldError, about_this_process
 from teleop.terminal import is_terminal
@@ -32,9 +33,9 @@ from wire.zenoh.hub_proof import HubProof
 
 EXIT_ABORTED, EXIT_INTERRUPTED = 1, 130
 REST_S = 3.0
-ESTOP_WAY_M = 1.0
-AHEAD_RAD = math.radians(30.0)
-"""The robot must face the wall about this exactly."""
+NO_WALL = "no flat wall of at least 1 m is seen: move the robot, or choose another wall"
+FIND_S = 0.5
+"""How long the lidar is heard before a wall must have been found."""
 
 
 def commission(file: Path, launch: Launch, source: str, lidar_name: str | None) -> NoReturn:
@@ -66,29 +67,31 @@ def commission(file: Path, launch: Launch, source: str, lidar_name: str | None) 
         if bus is None:
             return EXIT_INTERRUPTED
         try:
-            with Keyboard() as keyboard:
-                return await _Conductor(bus, keyboard, file, config, lidar, source).run(stop)
+            with TerminalPerson() as person:
+                return await Conductor(bus, person, file, config, lidar, source).run(stop)
         finally:
             await bus.close()
 
     run_command(run)
 
 
-class _Conductor:
+class Conductor:
     """Goes through the steps with one person."""
 
     def __init__(
         self,
         bus: Bus,
-        keyboard: Keyboard,
+        person: Person,
         file: Path,
         config: SupervisorSection,
         lidar: NamedLidarSection,
         source: str,
     ) -> None:
         self._file, self._config, self._lidar = file, config, lidar
-        self._status = StatusLine()
+        self._say = person.say
         self._found = Findings()
+        self._there_m = 0.0
+        """Way of the last drive, by odometry."""
         self._base = plan.Base(
             config.base_acceleration_m_s2,
             min(plan.POOR_DECELERATION_M_S2, config.deceleration_m_s2),
@@ -99,14 +102,9 @@ class _Conductor:
             source,
             lidar,
             config.footprint.hull().radius_m,
-            keyboard,
-            say=self._say,
-            show=self._status.show,
-            about=about_this_process(source),
+            person,
+            about_this_process(source),
         )
-
-    def _say(self, sentence: str) -> None:
-        self._status.say(f"lifeline: {sentence}")
 
     async def run(self, stop: asyncio.Event) -> int:
         try:
@@ -117,10 +115,9 @@ class _Conductor:
             await self._steps()
             await self._write()
         except AbortedError as error:
-            self._say(f"aborted: {error}. Zero was sent; nothing was written")
+            self._say(f"aborted: {error}. Nothing was written")
             return EXIT_INTERRUPTED if stop.is_set() else EXIT_ABORTED
         finally:
-            self._status.clear()
             await self._driver.leave()
         return 0
 
@@ -131,36 +128,39 @@ class _Conductor:
             "The first drive: place the robot on a flat, free floor, 3 m before a flat wall and facing it, with 2 m free "
             "behind and beside it, loaded as it will be. Stay beside it with the e-stop in your hand. Any key aborts a drive."
         )
-        await self._driver.ready()
+        try:
+            await self._driver.ready()
+        except SurpriseError as error:
+            raise AbortedError(str(error)) from error
         await self._check_wall()
         await self._rest()
-        if await self._step(plan.AHEAD, is_first=True):
-            await self._check_direction()
-        if await self._step(plan.LEFT, is_first=True):
-            await self._check_turn()
+        await self._step(plan.AHEAD, is_first=True)
+        await self._check_direction()
+        await self._step(plan.LEFT, is_first=True)
+        await self._check_turn()
         await self._step(plan.HEADINGS)
         for speed_m_s in plan.speeds(min(self._config.max_linear_m_s, UNMEASURED_M_S)):
             if not await self._step(plan.stops(speed_m_s, self._base)):
                 break
-        await self._estop()
+        await self._step(plan.ESTOP)
 
-    def _wall_ahead_m(self) -> float:
-        wall = self._driver.wall()
-        if wall is None:
-            raise AbortedError("no flat wall of at least 1 m is seen: move the robot, or choose another wall")
-        return self._driver.gap_m(wall)
+    async def _find_wall(self) -> Wall | None:
+        """Find the nearest wall anew; return None if there is none."""
+        self._driver.trace.forget_wall()
+        await self._driver.wait(FIND_S)
+        return self._driver.wall()
 
     async def _check_wall(self) -> None:
-        self._driver.trace.forget_wall()
-        await self._driver.wait(0.5)
-        gap_m, wall = self._wall_ahead_m(), self._driver.wall()
-        assert wall is not None
-        bearing_rad = math.remainder(wall.bearing_rad + self._lidar.yaw_rad, math.tau)
+        wall = await self._find_wall()
+        if wall is None:
+            raise AbortedError(NO_WALL)
+        bearing_rad = self._driver.bearing_rad(wall)
         self._say(
             f"{self._lidar.name} sees a wall of {wall.length_m:.1f} m, {wall.distance_m:.2f} m from the lidar and "
-            f"{gap_m:.2f} m from the hull, in the direction {math.degrees(bearing_rad):+.0f}° (0° is ahead, left is positive)."
+            f"{self._driver.gap_m(wall):.2f} m from the hull, in the direction {math.degrees(bearing_rad):+.0f}° (0° is ahead, left is "
+            "positive)."
         )
-        if abs(bearing_rad) > AHEAD_RAD:
+        if abs(bearing_rad) > plan.FACING_RAD:
             raise AbortedError(
                 "by the mount in the file, the nearest wall is not ahead: turn the robot to the wall, or correct yaw_rad or flip"
             )
@@ -169,8 +169,7 @@ class _Conductor:
         )
 
     async def _confirm(self, question: str, word: str) -> None:
-        answer = await self._driver.ask(question)
-        if answer.lower() != word:
+        if (await self._driver.ask(question)).lower() != word:
             raise AbortedError(f"not confirmed with {word!r}")
 
     async def _rest(self) -> None:
@@ -184,11 +183,36 @@ class _Conductor:
         self._found.noise = timing.noise(trace.same_beams())
 
     async def _step(self, step: plan.Step, *, is_first: bool = False) -> bool:
-        """Drive a confirmed step; return whether it was driven."""
-        problem = plan.problem(step, self._base, self._wall_ahead_m())
-        if problem is not None:
-            self._say(f"left out: {problem}")
-            return False
+        """Drive a step, confirmed and again after a surprise; return whether it was driven."""
+        while True:
+            problem = await self._problem(step)
+            if problem is None:
+                await self._announce(step)
+                try:
+                    for drive in step.drives:
+                        await self._drive(drive, is_first=is_first, until_estop=step is plan.ESTOP)
+                except SurpriseError as error:
+                    problem = f"{error}. Zero was sent"
+                else:
+                    return True
+            self._say(f"step {step.name}: {problem}")
+            skip = "" if step.is_needed else ", skip to leave it out"
+            answer = await self._driver.ask(
+                f"Place the robot with teleop if necessary. Type again for this step{skip}, anything else to end."
+            )
+            if answer == "skip" and not step.is_needed:
+                return False
+            if answer != "again":
+                raise AbortedError(problem)
+
+    async def _problem(self, step: plan.Step) -> str | None:
+        """Return why a step cannot begin where the robot stands; None if it can."""
+        wall = self._driver.wall() or await self._find_wall()
+        if wall is None:
+            return NO_WALL
+        return plan.problem(step, self._base, self._driver.gap_m(wall), self._driver.bearing_rad(wall))
+
+    async def _announce(self, step: plan.Step) -> None:
         self._say(f"Step {step.name}, to measure {step.purpose}:")
         for text in dict.fromkeys(map(str, step.drives)):
             self._say(f"  {text}")
@@ -197,10 +221,23 @@ class _Conductor:
             f" and {behind_m:.1f} m behind" if behind_m else ""
         )
         await self._confirm(f"Keep {where} of the hull free. Type go to drive, anything else to end.", "go")
-        for drive in step.drives:
-            driven = await self._driver.drive(drive, self._base, is_first=is_first)
+
+    async def _drive(self, drive: plan.Drive, *, is_first: bool, until_estop: bool) -> None:
+        driven = await self._driver.drive(
+            drive.back(self._there_m), self._base, is_first=is_first, until_estop=until_estop
+        )
+        self._there_m = driven.way_m
+        if not until_estop:
             self._keep(drive, driven)
-        return True
+            return
+        zero_s = self._driver.heard_estop_s(driven.started_s)
+        if zero_s is None:
+            raise SurpriseError("no e-stop was heard")
+        still = (
+            one.at_s for one in driven.trace.odometry if one.at_s > zero_s and abs(one.linear_m_s) < STILL_M_S
+        )
+        self._found.estop_s = next(still, math.nan) - zero_s
+        self._say("the e-stop stopped the robot; reset it with r in teleop")
 
     def _keep(self, drive: plan.Drive, driven: Driven) -> None:
         if drive.turn_rad:
@@ -228,29 +265,6 @@ class _Conductor:
         mistakes = turn_mistakes(self._found.turns[-1], seen_left=answer == "left")
         if mistakes:
             raise AbortedError("; ".join(sorted(mistakes)))
-
-    async def _estop(self) -> None:
-        gap_m = self._wall_ahead_m()
-        drive = plan.Drive(ESTOP_WAY_M)
-        way_m = min(ESTOP_WAY_M, gap_m - (drive.needs_m(self._base) - ESTOP_WAY_M))
-        if way_m < 0.5:
-            self._say("left out: the e-stop; place the robot farther from the wall")
-            return
-        drive = drive._replace(way_m=way_m)
-        self._say(
-            f"Step e-stop: {drive}. Press the e-stop of Lifeline while it drives; the robot stays stopped after it."
-        )
-        await self._confirm("Type go to drive, anything else to end.", "go")
-        driven = await self._driver.drive(drive, self._base, until_estop=True)
-        zero_s = self._driver.heard_estop_s(driven.started_s)
-        if zero_s is None:
-            self._say("no e-stop was pressed: it stays unmeasured")
-            return
-        still = (
-            one.at_s for one in driven.trace.odometry if one.at_s > zero_s and abs(one.linear_m_s) < STILL_M_S
-        )
-        self._found.estop_s = next(still, math.nan) - zero_s
-        self._say("the e-stop stopped the robot; reset it with r in teleop")
 
     # --- the result
 

@@ -5,10 +5,9 @@ The heartbeat also runs while a person is asked. Whenever nothing is driven, it 
 
 import asyncio
 import math
-from collections.abc import Callable
 
 from lifeline.commission.mounting import turn_between
-from lifeline.commission.person import Keyboard, LineEditor, echo
+from lifeline.commission.person import LineEditor, Person
 from lifeline.commission.plan import Base, Drive
 from lifeline.commission.trace import Command, Driven, Odom, Trace, ahead_m
 from lifeline.commission.wall import Wall
@@ -27,8 +26,6 @@ from wire.standstill import is_still
 
 RATE_HZ = 20.0
 DEPTH = 256
-HANG_S = 0.15
-"""A heartbeat later than this counts as a hang: the supervisor may have stopped the robot meanwhile."""
 STATUS_SILENT_S = 0.5
 ODOM_SILENT_S = 0.3
 SCAN_SILENT_S = 0.6
@@ -51,6 +48,10 @@ class AbortedError(Exception):
     """The drives end here; the message says why."""
 
 
+class SurpriseError(Exception):
+    """One drive has ended early; the message says why. Zero has been sent."""
+
+
 class Driver:
     """One command source that drives in front of a wall.
 
@@ -59,9 +60,7 @@ class Driver:
         source: the name of the command source.
         lidar: the configuration of the lidar that sees the wall.
         hull_radius_m: the radius of the circle around the hull.
-        keyboard: any key on it aborts a drive.
-        say: prints a sentence that stays visible.
-        show: shows a line in place of the previous one.
+        person: any key of them aborts a drive.
         about: a sentence about this program, for other programs that want the source's name.
     """
 
@@ -71,14 +70,11 @@ class Driver:
         source: str,
         lidar: NamedLidarSection,
         hull_radius_m: float,
-        keyboard: Keyboard,
-        *,
-        say: Callable[[str], None],
-        show: Callable[[str], None],
+        person: Person,
         about: str,
     ) -> None:
         self._source, self._lidar, self._hull_radius_m = source, lidar, hull_radius_m
-        self._keyboard, self._say, self._show = keyboard, say, show
+        self._person = person
         self.trace = Trace(lidar.mount())
         self._wake = asyncio.Event()
         self._cmd_vel = bus.publisher(topics.source_cmd_vel(source))
@@ -90,7 +86,6 @@ class Driver:
         self._velocity = NEUTRAL
         self._status: SafetyStatus | None = None
         self._status_s = self._scan_s = -math.inf
-        self._beat_s = 0.0
         self._stopping = asyncio.Event()
 
     async def claim(self, stop: asyncio.Event) -> None:
@@ -129,13 +124,10 @@ class Driver:
             if reason is not None:  # at once, not at the next beat
                 self._send(NEUTRAL)
                 return reason
-        previous_s, self._beat_s = self._beat_s, self.now_s
         self._send(self._velocity)
         if self._stopping.is_set():
             self._send(NEUTRAL)
             raise AbortedError("interrupted")
-        if previous_s and self.now_s - previous_s > HANG_S:
-            return f"this program hung for {self.now_s - previous_s:.1f} s"
         return self._listen()
 
     async def wait(self, seconds: float) -> None:
@@ -151,20 +143,20 @@ class Driver:
             AbortedError: the terminal was closed, or a signal ends the program.
         """
         editor = LineEditor()
-        self._keyboard.take()  # keys from before the question do not answer it
-        self._say(question)
-        echo("")
+        self._person.take()  # keys from before the question do not answer it
+        self._person.say(question)
+        self._person.echo("")
         while True:
             await self.beat()
             before = editor.text
-            line = editor.feed(self._keyboard.take())
+            line = editor.feed(self._person.take())
             if line is not None:
-                echo(line, ends=True)
+                self._person.echo(line, ends=True)
                 return line
-            if self._keyboard.has_ended:
+            if self._person.has_ended:
                 raise AbortedError("the terminal was closed")
             if editor.text != before:
-                echo(editor.text)
+                self._person.echo(editor.text)
 
     def _send(self, velocity: Velocity) -> None:
         if self._holder.holds:
@@ -202,9 +194,13 @@ class Driver:
         """Return the wall as it was seen last, in the lidar's frame; None if it is lost."""
         return self.trace.wall(self.now_s)
 
+    def bearing_rad(self, wall: Wall) -> float:
+        """Return the direction of a wall by the configured mount, counter-clockwise from straight ahead."""
+        return math.remainder(wall.bearing_rad + self._lidar.yaw_rad, math.tau)
+
     def gap_m(self, wall: Wall) -> float:
         """Return the distance from the circle around the hull to a wall."""
-        bearing_rad = wall.bearing_rad + self._lidar.yaw_rad
+        bearing_rad = self.bearing_rad(wall)
         of_lidar_m = self._lidar.x_m * math.cos(bearing_rad) + self._lidar.y_m * math.sin(bearing_rad)
         return wall.distance_m + of_lidar_m - self._hull_radius_m
 
@@ -227,7 +223,7 @@ class Driver:
         """Wait until the supervisor permits this source to drive.
 
         Raises:
-            AbortedError: it does not.
+            SurpriseError: it does not.
         """
         end_s = self.now_s + ARM_LIMIT_S
         while True:
@@ -238,12 +234,12 @@ class Driver:
             if missing is None:
                 return
             if self.now_s > end_s:
-                raise AbortedError(f"the robot may not drive: {missing}")
+                raise SurpriseError(f"the robot may not drive: {missing}")
 
     async def drive(
         self, drive: Drive, base: Base, *, is_first: bool = False, until_estop: bool = False
     ) -> Driven:
-        """Drive from rest to rest.
+        """Drive from rest to rest. A drive back also ends where no lidar looks.
 
         Args:
             drive: the motion.
@@ -252,33 +248,36 @@ class Driver:
             until_estop: whether an e-stop is expected.
 
         Raises:
-            AbortedError: something unexpected happened, or a key was pressed. Zero has been sent.
+            SurpriseError: something unexpected happened, or a key was pressed.
         """
         await self.ready()
         await self.wait(LEARN_S)
         started_s = self.now_s
         before = self.trace.between(started_s - LEARN_S, started_s).mean_wall()
         if before is None or not self.trace.odometry:
-            raise AbortedError("the wall is lost: nothing may stand or walk between the robot and the wall")
-        start = self.trace.odometry[-1].pose
-        watch = _Watch(drive, base, start, before, self.gap_m(before), started_s, is_first=is_first)
-        self._keyboard.take()
+            raise SurpriseError("the wall is lost: nothing may stand or walk between the robot and the wall")
+        start, gap_m = self.trace.odometry[-1].pose, self.gap_m(before)
+        if drive.way_m > 0.0 and gap_m < (needs_m := drive.needs_m(base)):
+            raise SurpriseError(f"the drive needs {needs_m:.2f} m, and the wall is {gap_m:.2f} m away")
+        watch = _Watch(drive, base, start, before, gap_m, started_s, is_first=is_first)
+        expected = StopReason.ESTOP if until_estop else StopReason.SCAN_BLIND if drive.way_m < 0.0 else None
+        self._person.take()
         forward, turn = math.copysign(drive.speed, drive.way_m), math.copysign(drive.speed, drive.turn_rad)
         self._velocity = Velocity(0.0, turn) if drive.turn_rad else Velocity(forward, 0.0)
         try:
             while not watch.is_done(self.trace.odometry[-1], self.wall()):
                 reason = await self.beat()
-                if until_estop and reason is not None and self._is_estop():
+                if reason is not None and self._is_stopped_by(expected):
                     break
                 self._check(reason, watch)
-                self._show(f"{drive}: {watch.progress(self.trace.odometry[-1])}")
+                self._person.show(f"{drive}: {watch.progress(self.trace.odometry[-1])}")
         finally:
             self._velocity = NEUTRAL
             self._send(NEUTRAL)
-        rest_s = await self._rest(watch, until_estop=until_estop)
+        rest_s = await self._rest(watch, expected)
         after = self.trace.between(rest_s - LEARN_S, rest_s).mean_wall()
         if after is None:
-            raise AbortedError("the wall is lost: nothing may stand or walk between the robot and the wall")
+            raise SurpriseError("the wall is lost: nothing may stand or walk between the robot and the wall")
         trace = self.trace.between(started_s - LEARN_S, rest_s)
         moving_s = [command.at_s for command in trace.commands if not command.is_zero]
         zeros_s = [c.at_s for c in trace.commands if c.is_zero and moving_s and c.at_s > moving_s[-1]]
@@ -286,12 +285,13 @@ class Driver:
         stopped_s = zeros_s[0] if zeros_s else math.nan
         return Driven(trace, start, end, before, after, started_s, stopped_s, rest_s)
 
-    def _is_estop(self) -> bool:
-        return self._status is not None and StopReason.ESTOP in self._status.causes_and_latched()[0]
+    def _is_stopped_by(self, reason: StopReason | None) -> bool:
+        """Return whether this reason has stopped the robot."""
+        return self._status is not None and any(reason in some for some in self._status.causes_and_latched())
 
     def _check(self, reason: str | None, watch: "_Watch") -> None:
-        """Raise AbortedError if something is unexpected."""
-        if self._keyboard.take() or self._keyboard.has_ended:
+        """Raise SurpriseError if something is unexpected."""
+        if self._person.take() or self._person.has_ended:
             reason = "a key was pressed"
         wall = self.wall()
         reason = reason or self.silent()
@@ -300,31 +300,32 @@ class Driver:
         if reason is None and wall is not None:
             reason = watch.surprise(self.now_s, self.trace.odometry[-1], wall, self.gap_m(wall))
         if reason is not None:
-            raise AbortedError(reason)
+            raise SurpriseError(reason)
 
-    async def _rest(self, watch: "_Watch", *, until_estop: bool) -> float:
+    async def _rest(self, watch: "_Watch", expected: StopReason | None) -> float:
         """Wait until the robot has been at rest for `LEARN_S`; return the time."""
         end_s, still_s = self.now_s + REST_LIMIT_S, math.inf
         while self.now_s - still_s < LEARN_S + 0.1:
             reason = await self.beat()
-            if not until_estop:
-                wall = self.wall()
-                too_near = wall is not None and watch.is_too_near(self.gap_m(wall))
-                reason = reason or ("it comes closer to the wall than planned" if too_near else None)
-                if reason is not None:
-                    raise AbortedError(reason)
+            wall = self.wall()
+            if wall is not None and watch.is_too_near(self.gap_m(wall)):
+                reason = "it comes closer to the wall than planned"
+            elif self._is_stopped_by(expected):
+                reason = None
+            if reason is not None:
+                raise SurpriseError(reason)
             newest = self.trace.odometry[-1]
             if not is_still(newest.linear_m_s, newest.angular_rad_s):
                 still_s = math.inf
             elif math.isinf(still_s):
                 still_s = newest.at_s
             if self.now_s > end_s:
-                raise AbortedError(f"the robot is not at rest {REST_LIMIT_S:g} s after zero was commanded")
+                raise SurpriseError(f"the robot is not at rest {REST_LIMIT_S:g} s after zero was commanded")
         return self.now_s
 
     def heard_estop_s(self, since_s: float) -> float | None:
         """Return when the first command was zero after the last motion since a time, if the e-stop is latched; else None."""
-        if not self._is_estop():
+        if not self._is_stopped_by(StopReason.ESTOP):
             return None
         moving_s = [c.at_s for c in self.trace.commands if c.at_s >= since_s and not c.is_zero]
         zeros_s = [c.at_s for c in self.trace.commands if moving_s and c.at_s > moving_s[-1]]

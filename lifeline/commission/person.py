@@ -1,4 +1,4 @@
-"""The person at the terminal: lines that answer questions, and any key that aborts a drive."""
+"""The person at the terminal: what is shown, lines that answer questions, and any key that aborts a drive."""
 
 import os
 import signal
@@ -7,8 +7,9 @@ import termios
 import tty
 from contextlib import suppress
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self
 
+from lifeline.command import StatusLine
 from wire.text import printable
 
 READ_BYTES = 256
@@ -36,15 +37,38 @@ class LineEditor:
         return None
 
 
-class Keyboard:
-    """The keys of the terminal on standard input, without echo and without blocking; a context manager that restores it.
+class Person(Protocol):
+    """A person who is shown what happens, and who types."""
 
-    Ctrl-C stays a signal.
+    has_ended: bool
+    """Whether the person has left: nothing more will be typed."""
+
+    def say(self, sentence: str) -> None:
+        """Print a sentence that stays visible."""
+        ...
+
+    def show(self, line: str) -> None:
+        """Show a line in place of the previous one."""
+        ...
+
+    def echo(self, text: str, *, ends: bool = False) -> None:
+        """Show the line that is being typed, and end it with Enter."""
+        ...
+
+    def take(self) -> str:
+        """Return the characters that were typed since the last call."""
+        ...
+
+
+class TerminalPerson:
+    """The person at the terminal on standard input and output, whose keys are neither echoed nor waited for.
+
+    A context manager that restores the terminal. Ctrl-C stays a signal.
     """
 
     def __init__(self) -> None:
+        self._status = StatusLine()
         self.has_ended = False
-        """Whether the terminal was closed."""
 
     def __enter__(self) -> Self:
         # In the background, a read then fails instead of stopping this process and its heartbeat.
@@ -57,12 +81,23 @@ class Keyboard:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._status.clear()
         os.set_blocking(0, True)
         with suppress(termios.error, OSError):
             termios.tcsetattr(0, termios.TCSAFLUSH, self._modes)
 
+    def say(self, sentence: str) -> None:
+        self._status.say(f"lifeline: {sentence}")
+
+    def show(self, line: str) -> None:
+        self._status.show(line)
+
+    def echo(self, text: str, *, ends: bool = False) -> None:
+        end = "\n" if ends else ""
+        sys.stdout.write(f"\r\x1b[K> {printable(text)}{end}")
+        sys.stdout.flush()
+
     def take(self) -> str:
-        """Return the characters that were typed since the last call."""
         try:
             data = os.read(0, READ_BYTES)
         except BlockingIOError:
@@ -72,10 +107,3 @@ class Keyboard:
         if not data:
             self.has_ended = True
         return data.decode("utf-8", "replace")
-
-
-def echo(text: str, *, ends: bool = False) -> None:
-    """Show the line that is being typed, and end it with Enter."""
-    end = "\n" if ends else ""
-    sys.stdout.write(f"\r\x1b[K> {printable(text)}{end}")
-    sys.stdout.flush()

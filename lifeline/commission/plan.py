@@ -15,9 +15,15 @@ SLOW_RAD_S = 0.3
 RETURN_M_S = 0.2
 AHEAD_M = 0.4
 OBLIQUE_M = 0.3
-TURN_RAD = 0.8
+TURN_RAD = 0.6
+"""The law judges the mount at each 0.4 rad, and stops after two judgements: the person is asked before the second."""
 STOP_SPEEDS_M_S = (0.2, 0.3, 0.4, 0.5)
 STOPS_AT_EACH = 2
+FACING_RAD = math.radians(30.0)
+"""The robot must face the wall about this exactly."""
+BACK_STOP_M = 0.04
+"""About the stop of a drive back."""
+LEAST_BACK_M = 0.1
 STEADY_S = 1.0
 """How long the robot drives at the full speed before it stops."""
 
@@ -54,6 +60,10 @@ class Drive(NamedTuple):
     speed: float = SLOW_M_S
     """In m/s, or in rad/s for a turn; positive."""
 
+    def back(self, there_m: float) -> "Drive":
+        """Return a drive back that ends where the drive before began, which has driven `there_m` with its stop."""
+        return self._replace(way_m=-max(LEAST_BACK_M, there_m - BACK_STOP_M)) if self.way_m < 0.0 else self
+
     @property
     def lasts_s(self) -> float:
         return (abs(self.way_m) + abs(self.turn_rad)) / self.speed
@@ -78,6 +88,10 @@ class Step(NamedTuple):
     name: str
     purpose: str
     drives: tuple[Drive, ...]
+    heading_rad: float = 0.0
+    """Where the robot faces when the step begins, counter-clockwise from the wall."""
+    is_needed: bool = True
+    """Whether the next steps need its result."""
 
     def needs_m(self, base: Base) -> float:
         """Return the free way toward the wall that the step needs."""
@@ -98,6 +112,13 @@ class Step(NamedTuple):
         return most_m
 
 
+ESTOP_WAY_M = 1.0
+ESTOP = Step(
+    "e-stop",
+    "whether it stops the robot: press the e-stop of Lifeline while the robot drives. It stays stopped after that",
+    (Drive(ESTOP_WAY_M),),
+    is_needed=False,
+)
 AHEAD = Step("ahead", "which way the base, its odometry and the lidar go", (Drive(AHEAD_M),))
 LEFT = Step("left", "which way they turn", (Drive(turn_rad=TURN_RAD, speed=SLOW_RAD_S),))
 HEADINGS = Step(
@@ -110,21 +131,20 @@ HEADINGS = Step(
         Drive(OBLIQUE_M),
         Drive(-OBLIQUE_M),
         Drive(turn_rad=TURN_RAD, speed=SLOW_RAD_S),
-        Drive(-AHEAD_M),
     ),
+    TURN_RAD,
 )
 
 
 def stops(speed_m_s: float, base: Base) -> Step:
     """Return the step with the stops from one speed, each followed by the way back."""
     way_m = base.run_up_m(speed_m_s)
-    there = Drive(way_m, speed=speed_m_s)
-    # The way back ends a little late, and the robot drove on in the stop: about where it began.
-    back = Drive(-way_m - 0.5 * base.stop_m(speed_m_s), speed=RETURN_M_S)
+    there, back = Drive(way_m, speed=speed_m_s), Drive(-way_m, speed=RETURN_M_S)
     return Step(
         f"stops from {speed_m_s:g} m/s",
         "how late and how hard the base brakes, and the latency of the lidar",
         (there, back) * STOPS_AT_EACH,
+        is_needed=False,
     )
 
 
@@ -133,18 +153,20 @@ def speeds(fastest_m_s: float) -> Iterator[float]:
     return (speed for speed in STOP_SPEEDS_M_S if speed <= fastest_m_s)
 
 
-def problem(step: Step, base: Base, ahead_m: float) -> str | None:
-    """Return why a step does not fit before the wall; None if it does.
+def problem(step: Step, base: Base, ahead_m: float, wall_rad: float) -> str | None:
+    """Return why a step cannot begin where the robot stands; None if it can.
 
     Args:
         step: the step.
         base: what is assumed of the base.
         ahead_m: the free way from the hull to the wall.
+        wall_rad: the direction of the wall, counter-clockwise from straight ahead.
     """
+    off_rad = math.remainder(wall_rad + step.heading_rad, math.tau)
+    if abs(off_rad) > FACING_RAD:
+        side = "left" if off_rad > 0.0 else "right"
+        return f"the robot must turn {math.degrees(abs(off_rad)):.0f}° {side} first"
     needs_m = step.needs_m(base)
-    if needs_m <= ahead_m:
-        return None
-    return (
-        f"{step.name}: needs {needs_m:.2f} m ahead of the hull, and the wall is {ahead_m:.2f} m away: "
-        f"place the robot {needs_m - ahead_m:.2f} m farther from it"
-    )
+    if needs_m > ahead_m:
+        return f"it needs {needs_m:.2f} m ahead of the hull, and the wall is {ahead_m:.2f} m away"
+    return None
