@@ -28,12 +28,14 @@ from teleop.terminal import is_terminal
 from wire.bus import Bus
 from wire.foreign import read_text
 from wire.host.config import ConfigError, read_toml
+from wire.reasons import StopReason
 from wire.standstill import STILL_M_S
 from wire.zenoh.hub_proof import HubProof
 
 EXIT_ABORTED, EXIT_INTERRUPTED = 1, 130
 REST_S = 3.0
 NO_WALL = "no flat wall of at least 1 m is seen: move the robot, or choose another wall"
+OTHER_WAY = ". If the robot moved the other way, correct the sign in its driver or its wiring"
 FIND_S = 0.5
 """How long the lidar is heard before a wall must have been found."""
 
@@ -192,7 +194,8 @@ class Conductor:
                     for drive in step.drives:
                         await self._drive(drive, is_first=is_first, until_estop=step is plan.ESTOP)
                 except SurpriseError as error:
-                    problem = f"{error}. Zero was sent"
+                    hint = OTHER_WAY if is_first and StopReason.BASE_UNRESPONSIVE in str(error) else ""
+                    problem = f"{error}. Zero was sent{hint}"
                 else:
                     return True
             self._say(f"step {step.name}: {problem}")
