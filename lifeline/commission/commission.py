@@ -61,8 +61,8 @@ def commission(file: Path, launch: Launch, source: str, lidar_name: str | None) 
         raise DeployError("odometry = false: without odometry, nothing can be measured")
     if not is_terminal():
         raise DeployError("a person must confirm each step: run it in a terminal")
-    if not os.access(file, os.W_OK):
-        raise DeployError(f"{file} cannot be written: the results belong into it")
+    if not (os.access(file, os.W_OK) and os.access(file.resolve().parent, os.W_OK)):
+        raise DeployError(f"{file} or its directory cannot be written: the results belong into it")
 
     async def run(stop: asyncio.Event) -> int:
         bus = await reach(launch.bus, stop, HubProof(launch.bus, note))

@@ -6,15 +6,15 @@ The heartbeat also runs while a person is asked. Whenever nothing is driven, it 
 import asyncio
 import math
 
-from lifeline.commission.mounting import turn_between
 from lifeline.commission.person import LineEditor, Person
 from lifeline.commission.plan import Base, Drive
-from lifeline.commission.trace import Command, Driven, Odom, Trace, ahead_m
+from lifeline.commission.trace import Command, Driven, Odom, Trace
 from lifeline.commission.wall import Wall
+from lifeline.commission.watch import Watch
 from supervisor.config import NamedLidarSection
 from supervisor.messages import to_scan
 from teleop.holder import Holder
-from teleop.path.course import Pose, wrap
+from teleop.path.course import Pose
 from teleop.path.permit import what_is_missing, what_stops
 from teleop.pilots.pilot import NEUTRAL, Velocity
 from teleop.rate import Rate
@@ -33,15 +33,6 @@ ARM_LIMIT_S = 5.0
 LEARN_S = 0.6
 """How long the wall is observed at rest before and after a drive."""
 REST_LIMIT_S = 6.0
-START_S = 1.5
-"""A robot that has not moved this long after its first command does not move."""
-START_M, START_RAD = 0.01, 0.03
-WRONG_WAY_M = 0.08
-WRONG_WAY_RAD = 0.15
-NEARER_M = 0.1
-"""How much nearer to the wall than planned a drive may come."""
-NEAREST_M = 0.35
-OVERTIME_SHARE, OVERTIME_S = 2.0, 3.0
 
 
 class AbortedError(Exception):
@@ -259,7 +250,7 @@ class Driver:
         start, gap_m = self.trace.odometry[-1].pose, self.gap_m(before)
         if drive.way_m > 0.0 and gap_m < (needs_m := drive.needs_m(base)):
             raise SurpriseError(f"the drive needs {needs_m:.2f} m, and the wall is {gap_m:.2f} m away")
-        watch = _Watch(drive, base, start, before, gap_m, started_s, is_first=is_first)
+        watch = Watch(drive, base, start, before, gap_m, started_s, is_first=is_first)
         expected = StopReason.ESTOP if until_estop else StopReason.SCAN_BLIND if drive.way_m < 0.0 else None
         self._person.take()
         forward, turn = math.copysign(drive.speed, drive.way_m), math.copysign(drive.speed, drive.turn_rad)
@@ -289,7 +280,7 @@ class Driver:
         """Return whether this reason has stopped the robot."""
         return self._status is not None and any(reason in some for some in self._status.causes_and_latched())
 
-    def _check(self, reason: str | None, watch: "_Watch") -> None:
+    def _check(self, reason: str | None, watch: "Watch") -> None:
         """Raise SurpriseError if something is unexpected."""
         if self._person.take() or self._person.has_ended:
             reason = "a key was pressed"
@@ -302,7 +293,7 @@ class Driver:
         if reason is not None:
             raise SurpriseError(reason)
 
-    async def _rest(self, watch: "_Watch", expected: StopReason | None) -> float:
+    async def _rest(self, watch: "Watch", expected: StopReason | None) -> float:
         """Wait until the robot has been at rest for `LEARN_S`; return the time."""
         end_s, still_s = self.now_s + REST_LIMIT_S, math.inf
         while self.now_s - still_s < LEARN_S + 0.1:
@@ -330,77 +321,3 @@ class Driver:
         moving_s = [c.at_s for c in self.trace.commands if c.at_s >= since_s and not c.is_zero]
         zeros_s = [c.at_s for c in self.trace.commands if moving_s and c.at_s > moving_s[-1]]
         return zeros_s[0] if zeros_s else None
-
-
-class _Watch:
-    """What is expected of one drive, and what would be a surprise."""
-
-    def __init__(
-        self,
-        drive: Drive,
-        base: Base,
-        start: Pose,
-        before: Wall,
-        gap_m: float,
-        started_s: float,
-        *,
-        is_first: bool,
-    ) -> None:
-        self._drive, self._start, self._before, self._gap_m = drive, start, before, gap_m
-        self._started_s, self._is_first = started_s, is_first
-        planned_m = max(0.0, drive.way_m) + (base.stop_m(drive.speed) if drive.way_m > 0.0 else 0.0)
-        self._least_m = max(NEAREST_M, gap_m - planned_m - NEARER_M)
-        self._latest_s = started_s + OVERTIME_SHARE * drive.lasts_s + OVERTIME_S
-
-    def _done(self, odom: Odom) -> float:
-        """Return the way or the turn in the commanded direction, by odometry."""
-        if self._drive.turn_rad:
-            return wrap(odom.pose.yaw_rad - self._start.yaw_rad) * math.copysign(1.0, self._drive.turn_rad)
-        return ahead_m(self._start, odom.pose) * math.copysign(1.0, self._drive.way_m)
-
-    def is_done(self, odom: Odom, wall: Wall | None) -> bool:
-        goal = abs(self._drive.turn_rad or self._drive.way_m)
-        if self._is_first and wall is not None:
-            by_wall = (
-                turn_between(self._before, wall)
-                if self._drive.turn_rad
-                else wall.distance_m - self._before.distance_m
-            )
-            return max(abs(self._done(odom)), abs(by_wall)) >= goal
-        return self._done(odom) >= goal
-
-    def progress(self, odom: Odom) -> str:
-        done = abs(self._done(odom))
-        return f"{math.degrees(done):.0f}°" if self._drive.turn_rad else f"{done:.2f} m"
-
-    def is_too_near(self, gap_m: float) -> bool:
-        return gap_m < self._least_m
-
-    def surprise(self, now_s: float, odom: Odom, wall: Wall, gap_m: float) -> str | None:
-        """Return what is unexpected; None if nothing is."""
-        if self.is_too_near(gap_m):
-            return f"it comes closer to the wall than planned: {gap_m:.2f} m from the hull"
-        if now_s > self._latest_s:
-            return f"it takes longer than planned: {self.progress(odom)} in {now_s - self._started_s:.0f} s"
-        done, is_turn = self._done(odom), bool(self._drive.turn_rad)
-        nearer_m = self._before.distance_m - wall.distance_m
-        if not self._is_first:
-            if done < -(WRONG_WAY_RAD if is_turn else WRONG_WAY_M):
-                return "odometry shows a motion in the other direction"
-            if not is_turn and nearer_m * math.copysign(1.0, self._drive.way_m) < -WRONG_WAY_M:
-                return "the wall shows a motion in the other direction"
-        if now_s - self._started_s > START_S:
-            by_odometry = abs(done) >= (START_RAD if is_turn else START_M)
-            moved = abs(turn_between(self._before, wall)) if is_turn else abs(nearer_m)
-            by_wall = moved >= (START_RAD if is_turn else START_M)
-            if not by_odometry:
-                return (
-                    "the wall shows a motion, and odometry does not"
-                    if by_wall
-                    else "the robot does not move: check its e-stop and its drives"
-                )
-            if not by_wall:
-                return (
-                    "odometry shows a motion, and the wall does not: the wheels slip, or the lidar is frozen"
-                )
-        return None

@@ -52,10 +52,14 @@ def latency(scans_s: Floats, distances_m: Floats, odometry_s: Floats, ways_m: Fl
     Args:
         scans_s: (n,) times at which the scans arrived.
         distances_m: (n,) distances of the wall.
-        odometry_s: (m,) times at which odometry arrived, increasing.
+        odometry_s: (m,) times at which odometry arrived.
         ways_m: (m,) way toward the wall by odometry.
     """
-    if len(scans_s) < LEAST_SCANS or len(odometry_s) < LEAST_SCANS:
+    if len(scans_s) < LEAST_SCANS:
+        return UNKNOWN
+    later = np.diff(odometry_s, prepend=-math.inf) > 0.0
+    odometry_s, ways_m = odometry_s[later], ways_m[later]
+    if len(odometry_s) < LEAST_SCANS:
         return UNKNOWN
     speeds_m_s = np.gradient(ways_m, odometry_s)
     if float(np.ptp(speeds_m_s)) < LEAST_CHANGE_M_S:

@@ -16,6 +16,8 @@ LEAST_RETURNS = 10
 WIDEST_GAP_M = 0.5
 """A wider gap between two returns along a line ends the wall."""
 PAIRS = 300
+MOST_POINTS = 2000
+"""Of more returns, every second or third one votes for a line."""
 LINES = 6
 """Number of lines that are searched for the nearest wall."""
 ON_LINE_M = 0.03
@@ -83,7 +85,7 @@ def follow(wall: Wall, angles_rad: Floats, ranges_m: Floats, turned_rad: float =
 
 def _points(angles_rad: Floats, ranges_m: Floats) -> Floats:
     """Return the ends (m, 2) of the beams with a return."""
-    seen = np.isfinite(ranges_m) & (ranges_m > 0.0)
+    seen = np.isfinite(ranges_m) & (ranges_m > 0.0) & np.isfinite(angles_rad)
     angles, ranges = angles_rad[seen], ranges_m[seen]
     return np.stack((ranges * np.cos(angles), ranges * np.sin(angles)), axis=1)
 
@@ -91,13 +93,15 @@ def _points(angles_rad: Floats, ranges_m: Floats) -> Floats:
 def _best_line(points: Floats, random: np.random.Generator) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
     """Return a mask (n,) of the points on the line through a random pair that has the most."""
     one, other = random.integers(len(points), size=(2, PAIRS))
+    some = points[:: len(points) // MOST_POINTS + 1]
     along = points[other] - points[one]
     lengths = np.hypot(along[:, 0], along[:, 1])
     along = along / np.where(lengths > 0.0, lengths, 1.0)[:, None]
     normals = np.stack((-along[:, 1], along[:, 0]), axis=1)
-    off_m = np.abs(normals @ points.T - np.sum(normals * points[one], axis=1)[:, None])
-    counts = np.count_nonzero(off_m < ON_LINE_M, axis=1) * (lengths > ON_LINE_M)
-    return off_m[int(np.argmax(counts))] < ON_LINE_M
+    offsets = np.sum(normals * points[one], axis=1)
+    on_line = np.abs(normals @ some.T - offsets[:, None]) < ON_LINE_M
+    best = int(np.argmax(np.count_nonzero(on_line, axis=1) * (lengths > ON_LINE_M)))
+    return np.abs(points @ normals[best] - offsets[best]) < ON_LINE_M
 
 
 def _fit(points: Floats) -> Wall | None:
