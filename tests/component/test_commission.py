@@ -13,6 +13,7 @@ import pytest
 
 from lifeline.commission.commission import EXIT_ABORTED, Conductor
 from sim.config import SimSection
+from sim.lidar_config import SimLidarSection
 from sim.motion_sensors import EncoderConfig
 from sim.plant import Plant
 from sim.service import SimService
@@ -211,6 +212,23 @@ async def test_a_wrong_sign_or_a_mirrored_lidar_ends_it_with_what_to_correct(
         await drive.rig.pass_time(1.0)
         assert abs(drive.plant.true_velocity.linear_m_s) < 0.005
     assert "measured" not in drive.file.read_text()
+
+
+@pytest.mark.timeout(600)
+async def test_a_robot_that_sees_only_ahead_is_measured_with_the_stops_that_fit(tmp_path: Path) -> None:
+    """It may not drive back beyond what it has seen, so each step ends nearer to the wall."""
+    front = SimLidarSection(name="front", topic="scan", x_m=0.1, span_rad=4.0, beams=541)
+    sim = SIM.model_copy(update={"lidars": (front,)})
+    lidar = LidarSection(x_m=0.1, view_rad=(-2.0, 2.0), beams=541)
+    config = CONFIG.model_copy(update={"lidar": lidar})
+    answers = {**ANSWERS, "skip to leave it out": "skip"}
+    async with first_drive(tmp_path, sim, config, answers) as drive:
+        assert await drive.run() == 0, drive.person.said
+        assert drive.plant.collisions == 0
+    assert drive.value("lidars", "lidar", "yaw_rad") == pytest.approx(0.0, abs=0.05)
+    assert drive.value("odometry_scale") == pytest.approx(1.0 / 1.04, rel=0.02)
+    assert any(said.startswith("step stops from") and "needs" in said for said in drive.person.said)
+    assert drive.value("deceleration_m_s2") == pytest.approx(1.2, rel=0.2)
 
 
 async def test_a_key_ends_a_drive_at_once_and_the_person_may_repeat_the_step(tmp_path: Path) -> None:
