@@ -269,6 +269,11 @@ class SupervisorSection(Section):
         Annotated[tuple[EstopStationSection, ...], Field(max_length=MAX_ESTOP_STATIONS, strict=False)] | None
     ) = None
 
+    accepted_risks: Annotated[
+        tuple[Annotated[str, Field(min_length=1, max_length=200)], ...], Field(max_length=64, strict=False)
+    ] = ()
+    """Settings, as `lifeline check` prints them with their values, whose risk a person has accepted. Nothing else reads this."""
+
     def station_names(self) -> tuple[str, ...]:
         """Return the names of the e-stop stations."""
         return tuple(station.name for station in self.estop_stations or ())

@@ -7,6 +7,7 @@ from ros2.config import Ros2Section, apart_from_hub
 from sim.config import SimSection
 from supervisor.config import TICKS_IN_BASE_TIMEOUT, SupervisorSection, fit_to_base
 from supervisor.law.interlock import IMPLAUSIBLE_FACTOR
+from supervisor.measured import MeasuredSection
 from teleop.pilots.config import TeleopSection
 from wire.host.config import BusSection, Conflict, Fit, Section, Sections, read_sections
 
@@ -35,10 +36,25 @@ def read_robot(document: dict[str, Any], *, simulated: bool) -> Sections:
     if simulated or "sim" in document:
         models["sim"] = SimSection
     fits: list[Fit] = [fit_to_base, fit_to_supervisor, fit_to_simulation]
+    if "measured" in document:
+        models["measured"] = MeasuredSection
+        fits.append(fit_to_measured)
     if "ros2" in document:
         models["ros2"] = Ros2Section
         fits += [fit_to_ros2, apart_from_hub]
     return read_sections(document, models, *fits)
+
+
+def fit_to_measured(sections: Sections) -> Iterator[Conflict]:
+    """Yield every lidar of `[measured]` that `[supervisor]` does not have."""
+    config, measured = sections.get(SupervisorSection), sections.get(MeasuredSection)
+    if config is None or measured is None:
+        return
+    names = [lidar.name for lidar in config.all_lidars()]
+    for name in measured.lidars:
+        if name not in names:
+            message = f"there is no such lidar in [supervisor], only {', '.join(names)}: remove the table, or rename it"
+            yield Conflict(("measured", "lidars", name), None, message)
 
 
 def fit_to_simulation(sections: Sections) -> Iterator[Conflict]:

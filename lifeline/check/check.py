@@ -13,7 +13,8 @@ from deploy.stack.errors import DeployError
 from deploy.stack.robot_file import read_robot
 from deploy.stack.table import Column, Table
 from lifeline.check.motions import Permitted, View, permitted_motions
-from lifeline.check.risks import Risk, held_cm, risks
+from lifeline.check.proof import Risk
+from lifeline.check.risks import held_cm, risks
 from lifeline.command import print_json
 from ros2.config import Ros2Section, RosSourceSection
 from sim.config import SimSection
@@ -21,6 +22,7 @@ from supervisor.config import FULL_TURN_SLACK_RAD, NamedLidarSection, Supervisor
 from supervisor.law.clearance import Barrier, Floats, permitted_closing_speed
 from supervisor.law.decision import Decision
 from supervisor.law.seen_space import hiding_distance_m
+from supervisor.measured import MeasuredSection
 from wire import topics
 from wire.host.config import BusSection, ConfigError, read_toml
 from wire.text import printable
@@ -80,12 +82,17 @@ class Report(NamedTuple):
     hiding: tuple[Hiding, ...]
     motions: tuple[Permitted, ...]
     risks: tuple[Risk, ...]
+    """Those that are not accepted."""
     ros2: tuple[RosTopicUse, ...] = ()
     """The topics of `[ros2]`; empty without this section."""
+    accepted: tuple[Risk, ...] = ()
+    """The risks that `accepted_risks` names."""
+    needless: tuple[str, ...] = ()
+    """What `accepted_risks` names, and what is not a risk of this file."""
 
 
 def check(file: Path, *, as_json: bool = False) -> int:
-    """Print the report on a file; return 1 if a setting creates a risk, else 0.
+    """Print the report on a file; return 1 if a setting creates a risk that is not accepted, else 0.
 
     Raises:
         DeployError: the configuration is refused; the message names every error.
@@ -111,6 +118,8 @@ def examine(file: Path) -> Report:
     config, sim = sections[SupervisorSection], sections.get(SimSection)
     views = tuple(_view(lidar, sim) for lidar in config.all_lidars())
     ros2, way = sections.get(Ros2Section), stopping(config, views)
+    found = tuple(risks(config, sim, sections[BusSection], ros2, sections.get(MeasuredSection)))
+    settings = {risk.setting for risk in found}
     return Report(
         config,
         views,
@@ -120,8 +129,10 @@ def examine(file: Path) -> Report:
             hiding(config, lidar, view, way) for lidar, view in zip(config.all_lidars(), views, strict=True)
         ),
         tuple(permitted_motions(config, views)),
-        tuple(risks(config, sim, sections[BusSection], ros2)),
+        tuple(risk for risk in found if risk.setting not in config.accepted_risks),
         () if ros2 is None else tuple(topics_of(ros2, config)),
+        tuple(risk for risk in found if risk.setting in config.accepted_risks),
+        tuple(setting for setting in config.accepted_risks if setting not in settings),
     )
 
 
@@ -241,6 +252,8 @@ def to_json(report: Report) -> dict[str, Any]:
         ],
         "ros2": [topic._asdict() for topic in report.ros2],
         "risks": [risk._asdict() for risk in report.risks],
+        "accepted": [risk._asdict() for risk in report.accepted],
+        "needless": list(report.needless),
     }
 
 
@@ -282,9 +295,20 @@ def _print(console: Console, file: Path, report: Report) -> None:
     if required:
         text = f"Required e-stop stations: {', '.join(required)}. No motion is permitted while one of them is not heard."
         console.print(Text(text), soft_wrap=True)
+    for setting in report.needless:
+        text = f"accepted_risks names {printable(setting)}, which is not a risk of this file: remove it"
+        console.print(Text(text, style="yellow"), soft_wrap=True)
+    if report.accepted:
+        console.print(_risk_table(report.accepted, "accepted risks"))
     if report.risks:
-        console.print(_risk_table(report.risks))
-        console.print("The configuration is valid. The exit code is 1 because of these risks.")
+        console.print(_risk_table(report.risks, "settings that create a risk"))
+        console.print(
+            "The configuration is valid. The exit code is 1 because of these risks. Correct or measure a setting, or accept its "
+            "risk: list the text of its first column in \\[supervisor] accepted_risks.",
+            soft_wrap=True,
+        )
+    elif report.accepted:
+        console.print(Text("All risks are accepted.", style="green"))
     else:
         console.print(Text("No setting creates a risk that the defaults do not have.", style="green"))
 
@@ -343,8 +367,7 @@ def _speed(decision: Decision) -> Text:
     )
 
 
-def _risk_table(found: tuple[Risk, ...]) -> Table:
-    title = "settings that create a risk"
+def _risk_table(found: tuple[Risk, ...], title: str) -> Table:
     table = Table(Column("setting", style="yellow"), "risk", title=title)
     for risk in found:
         table.add_row(risk.setting, risk.sentence)

@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
 
+from lifeline.check.proof import Risk, unproven
 from ros2.config import Ros2Section
-from supervisor.config import UNCONFIRMED_M_S, UNMEASURED_M_S, NamedLidarSection, SupervisorSection
-from supervisor.law.base_braking import LEAST_SPEED_M_S
+from supervisor.config import NamedLidarSection, SupervisorSection
+from supervisor.measured import MeasuredSection
 from wire.host.config import BaseSection, BusSection
 from wire.tls import is_loopback
 
@@ -14,15 +14,12 @@ NO_MARGIN_SHARE = 0.9
 """A deceleration above this fraction of the base's braking leaves no margin for load, slope and floor."""
 
 
-class Risk(NamedTuple):
-    """A setting, and the risk that it creates."""
-
-    setting: str
-    sentence: str
-
-
 def risks(
-    config: SupervisorSection, base: BaseSection | None, bus: BusSection, ros2: Ros2Section | None
+    config: SupervisorSection,
+    base: BaseSection | None,
+    bus: BusSection,
+    ros2: Ros2Section | None,
+    measured: MeasuredSection | None = None,
 ) -> Iterator[Risk]:
     """Yield every risk of a valid configuration.
 
@@ -31,6 +28,7 @@ def risks(
         base: the section `[sim]`; None for a real base, whose numbers are not in the file.
         bus: the section `[bus]`.
         ros2: the section `[ros2]`; None without it.
+        measured: the section `[measured]`; None without it.
     """
     yield from _of_bus(bus)
     yield from _of_stop_distance(config)
@@ -39,6 +37,7 @@ def risks(
         yield from _of_lidar(config, lidar)
     yield from _of_unseen_space(config)
     yield from _of_base(config, base)
+    yield from unproven(config, measured, is_real=base is None)
     if ros2 is not None:
         yield from _of_ros2(ros2, config)
 
@@ -153,24 +152,7 @@ def _of_base(config: SupervisorSection, base: BaseSection | None) -> Iterator[Ri
             "A base that moves without a command or ignores commands is not detected, and neither is a frozen scan while the base "
             "moves without a command.",
         )
-    if base is None and not config.mounts_confirmed:
-        yield Risk(
-            "no mounts_confirmed",
-            f"Until a straight motion and a turn have shown where each lidar looks, the hull moves at most at {UNCONFIRMED_M_S:g} m/s; "
-            "without odometry, they cannot. Check it yourself, and set mounts_confirmed = true.",
-        )
-    if base is None and "deceleration_m_s2" not in config.model_fields_set:
-        yield Risk(
-            "no deceleration_m_s2",
-            f"Until a stop from {LEAST_SPEED_M_S:g} m/s has measured the brakes of the base, it drives at most {UNMEASURED_M_S:g} "
-            "m/s: measure them fully loaded, and set the number.",
-        )
-    elif base is None:
-        yield Risk(
-            f"deceleration_m_s2 = {config.deceleration_m_s2:g}",
-            "The file has no [sim], so nothing proves that the base brakes this hard: measure it, fully loaded.",
-        )
-    elif config.deceleration_m_s2 > NO_MARGIN_SHARE * base.braking_m_s2:
+    if base is not None and config.deceleration_m_s2 > NO_MARGIN_SHARE * base.braking_m_s2:
         yield Risk(
             f"deceleration_m_s2 = {config.deceleration_m_s2:g}",
             f"The base brakes with {base.braking_m_s2:g} m/s² ([sim] braking_m_s2), which leaves no margin for load, "

@@ -155,6 +155,33 @@ def station(
     run(robot.launch, name, port, is_open=is_open, may_open=yes)
 
 
+@command(app)
+def commission(
+    *,
+    file: Annotated[Path, argument("FILE", "The robot's configuration, such as robot.toml.")],
+    lidar: Annotated[
+        str | None, option("--lidar", "NAME", "Lidar that sees the wall. Default: the first.")
+    ] = None,
+    source: Annotated[
+        str, option("--source", "NAME", "Command source to drive as; no other program may use it meanwhile.")
+    ] = "path",
+    endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
+    state_dir: StatePath = None,
+) -> None:
+    """Drive a new robot for the first time, and measure what the safety law is configured with.
+
+    Start the robot first, with `lifeline up --detach --config FILE`, in a free area with one flat wall. Each step is shown and
+    confirmed; any key aborts a drive. The results are written into the section measured of FILE. Exit 1 if it was aborted.
+    """
+    from deploy.stack.launch import Launch
+    from deploy.stack.statedir import StateDir
+    from lifeline.commission.commission import commission
+
+    launch = Launch.find(StateDir.choose(state_dir), file, endpoint, keys_dir)
+    commission(file, launch, source, lidar)
+
+
 @robot_command(path_app, "square")
 def path_square(
     robot: Robot,

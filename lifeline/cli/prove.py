@@ -19,8 +19,8 @@ def check(
 ) -> int:
     """Check a configuration: its lidars, stopping distance, permitted motions and risks.
 
-    Exit 0 if the file is valid without a risk, 1 if a setting creates a risk, 2 if the file is refused.
-    A file without a sim section always exits 1: nothing in it proves the deceleration.
+    Exit 0 if all risks are measured or accepted, 1 if a setting creates another risk, 2 if the file is refused.
+    Of a file without a sim section, each number that was not measured is a risk: `lifeline commission FILE` measures them.
     """
     from lifeline.check.check import check
 

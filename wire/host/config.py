@@ -30,7 +30,7 @@ from wire.bus_config import DEFAULT_ENDPOINT, BusConfig
 from wire.foreign import from_toml, read_text
 from wire.roles import ANY, Role
 
-SECTIONS = ("bus", "supervisor", "teleop", "sim", "ros2")
+SECTIONS = ("bus", "supervisor", "teleop", "sim", "ros2", "measured")
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)]
 """One chunk of a key: the name of a namespace, a node or a command source."""

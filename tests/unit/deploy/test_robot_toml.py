@@ -11,6 +11,7 @@ from deploy.stack.launch import DEFAULT_CONFIG
 from ros2.config import Ros2Section, RosSourceSection
 from sim.config import SimSection
 from supervisor.config import SupervisorSection
+from supervisor.measured import MeasuredLidar, MeasuredSection
 from teleop.pilots.config import TeleopSection
 from wire.host.config import SECTIONS, BusSection, Section, read_toml, section
 
@@ -28,7 +29,19 @@ def _keys(values: BaseModel) -> dict[str, Any]:
 
 
 def test_there_is_a_model_for_every_section() -> None:
-    assert (*MODELS, "ros2") == SECTIONS
+    assert (*MODELS, "ros2", "measured") == SECTIONS
+
+
+def test_the_example_names_every_key_of_measured_in_comments_because_it_describes_no_measured_robot() -> None:
+    text = DEFAULT_CONFIG.read_text()
+    assert "measured" not in tomllib.loads(text)
+    lines = text[text.index("# [measured]") :].splitlines()
+    document = tomllib.loads("\n".join(line[2:] for line in lines if re.match(r"# (\[|\w+ = )", line)))
+    read = MeasuredSection.model_validate(document["measured"])
+    lidar_keys = {f"lidars.front.{key}" for key in MeasuredLidar.model_fields}
+    assert {path for path, _ in read.values()} == (
+        MeasuredSection.model_fields.keys() - {"lidars"}
+    ) | lidar_keys
 
 
 @pytest.mark.parametrize("name", MODELS)

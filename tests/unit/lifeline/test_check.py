@@ -327,17 +327,117 @@ def test_a_profile_that_asks_a_beam_to_prove_that_it_sees_creates_no_risk(tmp_pa
     assert found.risks == ()
 
 
+REAL = "[supervisor]\ndeceleration_m_s2 = 1.5\n" + FRONT
+UNMEASURED = [
+    "deceleration_m_s2 = 1.5",
+    "base_dead_time_s = 0",
+    "base_timeout_s = 0.15",
+    "no measured odometry_scale",
+    "no measured turn_scale",
+    "yaw_rad of lidar = 0",
+    "latency_s of lidar = 0",
+    "no measured estop_s",
+]
+"""What must be measured of a real robot."""
+
+
+def measured(**limits: float) -> str:
+    """Return a section `[measured]` with these limits; `lidar_` stands for the lidar's table."""
+
+    def line(key: str, limit: float) -> str:
+        path = f"lidars.lidar.{key.removeprefix('lidar_')}" if key.startswith("lidar_") else key
+        return f'{path} = {{ value = {limit}, limit = {limit}, n = 3, date = "2026-11-27", version = "0.1.0", how = "tape" }}'
+
+    return "\n".join(("\n[measured]", *(line(*one) for one in limits.items()), ""))
+
+
+GOOD: dict[str, float] = {
+    "deceleration_m_s2": 1.6,
+    "dead_time_s": 0.03,
+    "base_timeout_s": 0.14,
+    "odometry_scale": 1.02,
+    "turn_scale": 0.97,
+    "lidar_yaw_rad": 0.01,
+    "lidar_latency_s": 0.02,
+    "lidar_period_s": 0.05,
+    "estop_s": 0.2,
+}
+
+
+def test_a_real_robot_that_was_measured_as_it_is_configured_has_no_risk(tmp_path: Path) -> None:
+    assert report(tmp_path, REAL + measured(**GOOD)).risks == ()
+    path = tmp_path / "robot.toml"
+    assert run(path)[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("key", "edge", "worse", "setting"),
+    [
+        ("deceleration_m_s2", 1.5, 1.49, "deceleration_m_s2 = 1.5 (measured: 1.49)"),
+        ("dead_time_s", 0.04, 0.041, "base_dead_time_s = 0 (measured: 0.041)"),
+        ("base_timeout_s", 0.15, 0.16, "base_timeout_s = 0.15 (measured: 0.16)"),
+        ("odometry_scale", 1.049, 1.06, "odometry_scale = 1.06"),
+        ("turn_scale", 0.951, 0.94, "turn_scale = 0.94"),
+        ("lidar_yaw_rad", -0.05, -0.06, "yaw_rad of lidar = 0 (measured: -0.06)"),
+        ("lidar_latency_s", 0.03, 0.031, "latency_s of lidar = 0 (measured: 0.031)"),
+        ("lidar_period_s", 0.055, 0.06, "period_s of lidar = 0.05 (measured: 0.06)"),
+        ("lidar_period_s", 0.05, 0.25, "timeout of lidar = 0.24 (measured: 0.25)"),
+    ],
+)
+def test_a_number_that_was_measured_worse_than_configured_is_a_risk_also_of_a_simulated_robot(
+    tmp_path: Path, key: str, edge: float, worse: float, setting: str
+) -> None:
+    for text in (REAL, REAL + "\n[sim]\n"):
+        assert report(tmp_path, text + measured(**GOOD | {key: edge})).risks == ()
+        risks = report(tmp_path, text + measured(**GOOD | {key: worse})).risks
+        assert setting in [risk.setting for risk in risks]
+
+
+def test_an_accepted_risk_is_shown_and_leaves_the_exit_code_at_0(tmp_path: Path) -> None:
+    accepted = f"[supervisor]\naccepted_risks = {UNMEASURED}\ndeceleration_m_s2 = 1.5\n" + FRONT
+    found = report(tmp_path, accepted)
+    assert found.risks == ()
+    assert [risk.setting for risk in found.accepted] == UNMEASURED
+    code, output = run(tmp_path / "robot.toml")
+    assert code == 0
+    assert "All risks are accepted." in output
+
+
+def test_another_value_or_a_worse_measurement_of_an_accepted_setting_is_a_risk_again(tmp_path: Path) -> None:
+    accepted = f"[supervisor]\naccepted_risks = {UNMEASURED}\ndeceleration_m_s2 = 1.6\n" + FRONT
+    found = report(tmp_path, accepted)
+    assert [risk.setting for risk in found.risks] == ["deceleration_m_s2 = 1.6"]
+    assert found.needless == ("deceleration_m_s2 = 1.5",)
+    assert run(tmp_path / "robot.toml")[0] == 1
+    worse = report(tmp_path, accepted.replace("1.6", "1.5") + measured(deceleration_m_s2=1.0))
+    assert [risk.setting for risk in worse.risks] == ["deceleration_m_s2 = 1.5 (measured: 1)"]
+
+
+def test_a_measured_lidar_that_the_robot_does_not_have_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        DeployError, match=r"measured\.lidars\.lidar: there is no such lidar in \[supervisor\], only a"
+    ):
+        report(
+            tmp_path,
+            '[[supervisor.lidars]]\nname = "a"\ntopic = "scan"\n' + measured(lidar_yaw_rad=0.0),
+        )
+
+
+def test_a_wrong_key_of_measured_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DeployError, match=r"measured\.decel: there is no such key"):
+        report(tmp_path, "[measured]\ndecel = 1.0\n")
+
+
 def test_a_real_base_has_to_be_measured(tmp_path: Path) -> None:
-    (risk,) = report(
-        tmp_path, "[supervisor]\ndeceleration_m_s2 = 1.5\nmounts_confirmed = true\n" + FRONT
-    ).risks
-    assert (risk.setting, "measure it" in risk.sentence) == ("deceleration_m_s2 = 1.5", True)
+    risks = {risk.setting: risk.sentence for risk in report(tmp_path, REAL).risks}
+    assert list(risks) == UNMEASURED
+    assert "measure it" in risks["deceleration_m_s2 = 1.5"]
 
 
 def test_a_real_base_without_a_number_is_slow_until_it_is_measured(tmp_path: Path) -> None:
-    mount, risk = report(tmp_path, FRONT).risks
-    assert (mount.setting, "at most at 0.3 m/s" in mount.sentence) == ("no mounts_confirmed", True)
+    risk, *others = report(tmp_path, FRONT).risks
     assert risk.setting == "no deceleration_m_s2"
+    assert [other.setting for other in others] == UNMEASURED[1:]
     assert "at most 0.5 m/s" in risk.sentence
 
 
@@ -400,8 +500,7 @@ def test_the_router_of_rmw_zenoh_is_a_risk_and_the_range_of_dds_then_is_none(tmp
 
 
 def test_the_defaults_of_ros_2_add_no_risk(tmp_path: Path) -> None:
-    risks = report(tmp_path, "[ros2]\n" + FRONT).risks
-    assert [risk.setting for risk in risks] == ["no mounts_confirmed", "no deceleration_m_s2"]
+    assert report(tmp_path, "[ros2]\n" + FRONT).risks == report(tmp_path, FRONT).risks
 
 
 # --- the command

@@ -10,6 +10,7 @@ from lifeline.cli.app import PARTS, app
 
 WITHOUT_JSON = {
     "completion": "prints a script",
+    "commission": "asks a person; `check --json` prints what its result means",
     "router": "routes until Ctrl-C; --print-config prints JSON",
     "metrics": "serves HTTP until Ctrl-C",
     "view": "shows pictures; `topic echo --json` prints the messages",

@@ -1,0 +1,273 @@
+"""The first drive with the real supervisor and the real MuJoCo robot, in virtual time, and with bases that differ from it."""
+
+import asyncio
+import tomllib
+from collections import deque
+from collections.abc import AsyncGenerator, Mapping
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lifeline.commission.commission import EXIT_ABORTED, Conductor
+from sim.config import SimSection
+from sim.lidar_config import SimLidarSection
+from sim.motion_sensors import EncoderConfig
+from sim.plant import Plant
+from sim.service import SimService
+from supervisor.config import LidarSection, SupervisorSection
+from tests.component.rig import Rig
+from wire import topics
+from wire.messages import Bool, Point
+
+HALL = "[hall]\nsize_m = [12.0, 10.0]\n\n[start]\nx_m = {x_m}\n"
+"""The wall is at x = 6 m, ahead of the robot, and all others are farther away."""
+
+ANSWERS = {
+    "if it agrees": "yes",
+    "Type ahead or back": "ahead",
+    "Type left or right": "left",
+    "Type go to drive": "go",
+    "Type write": "write",
+}
+
+
+class ForeignPlant(Plant):
+    """A robot whose base obeys late, or in the wrong direction."""
+
+    dead_s = 0.0
+    forward = turn = 1.0
+
+    def __init__(self, hall: Path, sim: SimSection) -> None:
+        super().__init__(hall, sim.limits(), sim.lidar_configs(), sim.seed, sim.build())
+        self._late: deque[tuple[float, float]] = deque()
+
+    def step(self, twist_target: tuple[float, float], n_steps: int = 1) -> None:
+        self._late.append(twist_target)
+        is_late = len(self._late) > round(self.dead_s / self.timestep_s)
+        linear_m_s, angular_rad_s = self._late.popleft() if is_late else (0.0, 0.0)
+        super().step((self.forward * linear_m_s, self.turn * angular_rad_s), n_steps)
+
+
+@dataclass
+class ScriptedPerson:
+    """Answers each question by its text; any other sentence is only kept."""
+
+    answers: Mapping[str, str]
+    said: list[str] = field(default_factory=list[str])
+    typed: str = ""
+    has_ended: bool = False
+
+    def say(self, sentence: str) -> None:
+        self.said.append(sentence)
+
+    def show(self, line: str) -> None:
+        pass
+
+    def echo(self, text: str, *, ends: bool = False) -> None:
+        if text or ends:
+            return
+        answer = next((answer for words, answer in self.answers.items() if words in self.said[-1]), "end")
+        self.typed += f"{answer}\r"
+
+    def take(self) -> str:
+        typed, self.typed = self.typed, ""
+        return typed
+
+
+@dataclass
+class FirstDrive:
+    """One run of the command on one robot."""
+
+    rig: Rig
+    plant: ForeignPlant
+    person: ScriptedPerson
+    file: Path
+    conductor: Conductor
+    stop: asyncio.Event
+
+    async def run(self) -> int:
+        return await self.conductor.run(self.stop)
+
+    @property
+    def measured(self) -> dict[str, Any]:
+        return tomllib.loads(self.file.read_text())["measured"]
+
+    def value(self, *path: str) -> float:
+        found = self.measured
+        for key in path:
+            found = found[key]
+        return found["value"]
+
+
+@asynccontextmanager
+async def first_drive(
+    directory: Path,
+    sim: SimSection,
+    config: SupervisorSection,
+    answers: Mapping[str, str] = ANSWERS,
+    x_m: float = 2.0,
+    **base: float,
+) -> AsyncGenerator[FirstDrive]:
+    hall, file = directory / "hall.toml", directory / "robot.toml"
+    hall.write_text(HALL.format(x_m=x_m))
+    file.write_text("# my robot\n[supervisor]\ndeceleration_m_s2 = 1.5 # a guess\n")
+    rig, person = Rig(), ScriptedPerson(answers)
+    plant = ForeignPlant(hall, sim)
+    for name, value in base.items():
+        setattr(plant, name, value)
+    bus, stop = rig.network.open_joined("path"), asyncio.Event()
+    async with rig.supervisor(config):
+        serving = asyncio.create_task(SimService(rig.network.open_joined(topics.SIM), sim, plant).run(stop))
+        lidar = config.all_lidars()[0]
+        try:
+            yield FirstDrive(
+                rig, plant, person, file, Conductor(bus, person, file, config, lidar, "path"), stop
+            )
+        finally:
+            stop.set()
+            await serving
+
+
+SIM = SimSection(
+    moving=False,
+    imu_hz=1.0,
+    braking_m_s2=1.2,
+    lidar_noise_m=0.004,
+    odom_left_error=0.04,
+    odom_right_error=0.04,
+)
+CONFIG = SupervisorSection(deceleration_m_s2=1.0)
+
+
+async def press_estop_in_the_last_step(drive: FirstDrive) -> None:
+    """Press it once the robot drives in the step of the e-stop."""
+    moving = drive.rig.outsider.subscribe(topics.CMD_VEL)
+    while True:
+        await asyncio.sleep(0.1)
+        latest = moving.latest()
+        in_step = any(said.startswith("Step e-stop") for said in drive.person.said)
+        if in_step and latest is not None and latest.message is not None and latest.message.linear.x > 0.0:
+            await asyncio.sleep(2.0)
+            drive.rig.outsider.publisher(topics.ESTOP).put(Bool(data=True))
+            return
+
+
+@pytest.mark.timeout(600)  # it computes two minutes of driving
+async def test_what_the_first_drive_measures_is_what_the_robot_is(tmp_path: Path) -> None:
+    dead_s = 0.12
+    async with first_drive(tmp_path, SIM, CONFIG, dead_s=dead_s) as drive:
+        pressing = asyncio.create_task(press_estop_in_the_last_step(drive))
+        code = await drive.run()
+        await pressing
+        assert code == 0, drive.person.said
+        assert drive.plant.collisions == 0
+    assert drive.value("deceleration_m_s2") == pytest.approx(1.2, rel=0.06)
+    assert drive.measured["deceleration_m_s2"]["limit"] < 1.21
+    assert drive.value("dead_time_s") == pytest.approx(dead_s, abs=0.02)
+    assert drive.value("odometry_scale") == pytest.approx(1.0 / 1.04, rel=0.005)
+    track = EncoderConfig().track_error
+    assert drive.value("turn_scale") == pytest.approx((1.0 + track) / 1.04, rel=0.01)
+    assert drive.value("slip") == pytest.approx(0.0, abs=0.03)
+    assert 0.0 < drive.value("estop_s") < 0.5 + dead_s
+    assert drive.value("lidars", "lidar", "noise_m") == pytest.approx(0.004, rel=0.05)
+    assert drive.value("lidars", "lidar", "period_s") == pytest.approx(0.05, rel=0.01)
+    assert drive.value("lidars", "lidar", "latency_s") == pytest.approx(0.0, abs=0.01)
+    assert drive.value("lidars", "lidar", "yaw_rad") == pytest.approx(0.0, abs=0.02)
+    assert drive.file.read_text().startswith("# my robot\n[supervisor]\ndeceleration_m_s2 = 1.5 # a guess\n")
+
+
+@pytest.mark.timeout(600)
+async def test_the_yaw_of_a_lidar_that_looks_elsewhere_than_configured_is_measured(tmp_path: Path) -> None:
+    answers = {**ANSWERS, "skip to leave it out": "skip"}
+    config = CONFIG.model_copy(update={"lidar": LidarSection(yaw_rad=0.25)})
+    async with first_drive(tmp_path, SIM, config, answers) as drive:
+        assert await drive.run() == 0, drive.person.said
+    assert drive.value("lidars", "lidar", "yaw_rad") == pytest.approx(0.0, abs=0.03)
+    assert "estop_s" not in drive.measured
+
+
+@pytest.mark.parametrize(
+    ("base", "answers", "flip", "sentence"),
+    [
+        ({"forward": -1.0}, {"Type ahead or back": "back"}, False, "the base drives backwards"),
+        (
+            {"turn": -1.0},
+            {"Type left or right": "right"},
+            False,
+            "If the robot moved the other way, correct the sign",
+        ),
+        ({}, {}, True, "the lidar is mirrored: change flip"),
+    ],
+)
+async def test_a_wrong_sign_or_a_mirrored_lidar_ends_it_with_what_to_correct(
+    tmp_path: Path, base: dict[str, float], answers: dict[str, str], *, flip: bool, sentence: str
+) -> None:
+    config = CONFIG.model_copy(update={"lidar": LidarSection(flip=flip)})
+    async with first_drive(tmp_path, SIM, config, {**ANSWERS, **answers}, **base) as drive:
+        assert await drive.run() == EXIT_ABORTED
+        assert sentence in drive.person.said[-1]
+        await drive.rig.pass_time(1.0)
+        assert abs(drive.plant.true_velocity.linear_m_s) < 0.005
+    assert "measured" not in drive.file.read_text()
+
+
+@pytest.mark.timeout(600)
+async def test_a_robot_that_sees_only_ahead_is_measured_with_the_stops_that_fit(tmp_path: Path) -> None:
+    """It may not drive back beyond what it has seen, so each step ends nearer to the wall."""
+    front = SimLidarSection(name="front", topic="scan", x_m=0.1, span_rad=4.0, beams=541)
+    sim = SIM.model_copy(update={"lidars": (front,)})
+    lidar = LidarSection(x_m=0.1, view_rad=(-2.0, 2.0), beams=541)
+    config = CONFIG.model_copy(update={"lidar": lidar})
+    answers = {**ANSWERS, "skip to leave it out": "skip"}
+    async with first_drive(tmp_path, sim, config, answers) as drive:
+        assert await drive.run() == 0, drive.person.said
+        assert drive.plant.collisions == 0
+    assert drive.value("lidars", "lidar", "yaw_rad") == pytest.approx(0.0, abs=0.05)
+    assert drive.value("odometry_scale") == pytest.approx(1.0 / 1.04, rel=0.02)
+    assert any(said.startswith("step stops from") and "needs" in said for said in drive.person.said)
+    assert drive.value("deceleration_m_s2") == pytest.approx(1.2, rel=0.2)
+
+
+async def test_a_key_ends_a_drive_at_once_and_the_person_may_repeat_the_step(tmp_path: Path) -> None:
+    answers = {**ANSWERS, "Type again for this step": "again"}
+    async with first_drive(tmp_path, SIM, CONFIG, answers) as drive:
+        running = asyncio.create_task(drive.run())
+        while drive.plant.true_velocity.linear_m_s < 0.05:
+            await drive.rig.pass_time(0.05)
+        drive.person.typed = "x"
+        await drive.rig.pass_time(0.5)
+        assert abs(drive.plant.true_velocity.linear_m_s) < 0.005
+        while not any("Step left" in said for said in drive.person.said):
+            await drive.rig.pass_time(0.1)
+        assert any("step ahead: a key was pressed" in said for said in drive.person.said)
+        drive.stop.set()
+        await running
+
+
+async def test_a_person_who_does_not_confirm_ends_it_before_the_robot_moves(tmp_path: Path) -> None:
+    async with first_drive(tmp_path, SIM, CONFIG, {**ANSWERS, "Type go to drive": "wait"}) as drive:
+        start = drive.plant.true_pose
+        assert await drive.run() == EXIT_ABORTED
+        assert drive.plant.true_pose == pytest.approx(start, abs=1e-4)
+
+
+async def test_a_robot_too_near_to_the_wall_says_what_it_needs_and_does_not_move(tmp_path: Path) -> None:
+    async with first_drive(tmp_path, SIM, CONFIG, x_m=5.0) as drive:
+        assert await drive.run() == EXIT_ABORTED
+        assert "it needs 0.98 m ahead of the hull, and the wall is 0.75 m away" in drive.person.said[-1]
+        assert drive.plant.true_pose.x_m == pytest.approx(5.0, abs=1e-3)
+
+
+async def test_a_pillar_before_the_wall_ends_a_drive_by_a_stop_of_the_supervisor(tmp_path: Path) -> None:
+    async with first_drive(tmp_path, SIM, CONFIG) as drive:
+        running = asyncio.create_task(drive.run())
+        while drive.plant.true_velocity.linear_m_s < 0.05:
+            await drive.rig.pass_time(0.05)
+        pose = drive.plant.true_pose
+        drive.rig.outsider.publisher(topics.OBSTACLE).put(Point(pose.x_m + 0.6, pose.y_m, 0.0))
+        assert await running == EXIT_ABORTED
+        assert "STOPPED: OBSTACLE" in drive.person.said[-1]
+        assert drive.plant.collisions == 0
