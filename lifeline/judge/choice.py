@@ -116,8 +116,8 @@ def _scans(
         if by_lidar and all(len(names) == 1 for names in by_lidar):
             return tuple(name for (name,) in by_lidar)
         if len(scans) > 1:
-            order = "in the order of the configuration's lidars, " if len(lidars) > 1 else ""
-            raise _several(path, "topics of laser scans", scans, f"one or more, {order}with --scan")
+            order = ", in the order of the configuration's lidars" if len(lidars) > 1 else ""
+            raise _several(path, "topics of laser scans", scans, f"one or more with --scan{order}")
     if scans and len(lidars) not in {0, len(scans)}:
         raise DeployError(
             f"the configuration has {len(lidars)} lidars ({', '.join(lidars)}), and {path} has {_list(scans)}: "

@@ -12,6 +12,7 @@ from lifeline.judge.monitors import Event, Monitors, Motion, Output, Pressed, Re
 from lifeline.judge.own import events_of_status, moment_of_status, velocity_of
 from lifeline.judge.rerun import SOURCE, START_S, Rerun
 from lifeline.recording import Recorded
+from supervisor.law.base_motion import moves
 from supervisor.law.lidar import PROFILES
 from supervisor.law.model import LawConfig
 from supervisor.law.reckoning import STANDSTILL
@@ -147,7 +148,8 @@ class AnyRobot(Feed):
         self._has_velocity |= self._moving
         before, self._place_m = self._place_m, (at.x, at.y)
         self._way_m += 0.0 if before is None else math.dist(before, self._place_m)
-        self._judge([Motion(time_s, self.law.hull_speed_m_s(velocity) if self._moving else 0.0)])
+        is_more_than_noise = moves(velocity, self.law.residual)
+        self._judge([Motion(time_s, self.law.hull_speed_m_s(velocity) if is_more_than_noise else 0.0)])
         if self._rerun is not None:
             self._rerun.hear_odometry(time_s, ros.Motion(odometry.header.frame_id, *velocity))
         return hash(message.payload)

@@ -93,6 +93,7 @@ NAMES: dict[type[Event], str] = {
 class Violation(NamedTuple):
     """A moment at which a rule began to be broken."""
 
+    rule: str
     time_s: float
     sentence: str
 
@@ -146,7 +147,7 @@ class Monitor:
         begins, self._is_broken = bool(sentence) and not self._is_broken, bool(sentence)
         if not begins:
             return None
-        violation = Violation(event.time_s, sentence)
+        violation = Violation(self.rule, event.time_s, sentence)
         self._broken += 1
         if len(self._violations) < MAX_VIOLATIONS:
             self._violations.append(violation)

@@ -159,14 +159,11 @@ class Rerun:
 
     def _told(self, now_s: float) -> Velocity:
         """Return what the base was commanded: after the timeout, a base stops by itself."""
-        asked, law = self._asked, self.law
-        if (
-            asked is None
-            or now_s - self._asked_s > law.command_timeout_s
-            or not all(map(math.isfinite, asked))
-        ):
-            return STANDSTILL
-        return asked
+        asked = self._asked
+        if asked is None:  # a base may understand what the law does not: this shows nothing about the base
+            return self._state.base.measured or STANDSTILL
+        is_fresh = now_s - self._asked_s <= self.law.command_timeout_s
+        return asked if is_fresh and all(map(math.isfinite, asked)) else STANDSTILL
 
     def _wanted(self, now_s: float) -> Velocity:
         """Return the motion to be judged: the command, and the one before a silence as long as the robot moves."""

@@ -16,6 +16,8 @@ from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple, cast
 
+from rich.console import Console
+
 from deploy.keys.commands import show as show_keys
 from deploy.keys.folder import Folder
 from deploy.keys.register import Issued, Register, rows, to_json
@@ -30,6 +32,9 @@ from lifeline.check.check import check
 from lifeline.incidents.commands import export, show, show_list
 from lifeline.incidents.incident import damage_of
 from lifeline.incidents.replay import replay_decision
+from lifeline.judge.choice import Named
+from lifeline.judge.judge import judge
+from lifeline.judge.page import page, to_json
 from lifeline.path import read_poses
 from lifeline.recording import RecordingReader
 from lifeline.view.scene import read_source
@@ -125,6 +130,7 @@ def incident_commands(path: Path) -> None:
         lambda path: show(path, 30.0, as_json=True),
         lambda path: export(path, out, "robot", as_json=False),
         replay,
+        judged,
         draw,
     )
     for command in commands:
@@ -157,8 +163,16 @@ def state_files(path: Path) -> None:
     print(pressed_by(path.parent, "robot"))
 
 
+def judged(path: Path) -> None:
+    """Judge a recording as `lifeline judge` does."""
+    found = judge(path, None, Named(), print)
+    Console().print(*page(found))
+    print(to_json(found))
+
+
 def recording(path: Path) -> None:
     list(RecordingReader(path).messages())
+    judged(path)
     draw(path)
     read_poses(path)
 

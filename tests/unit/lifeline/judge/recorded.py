@@ -81,7 +81,9 @@ def drive(
         time_s = tick / 100
         is_silent = silent[0] <= time_s < silent[1]
         v_m_s = speed_m_s if time_s >= from_s else 0.0
-        wanted_m_s = 0.0 if (is_silent and stops) or time_s < from_s + 0.05 else v_m_s
+        wanted_m_s = (
+            0.0 if (stops and silent[0] <= time_s < silent[1] + 0.05) or time_s < from_s + 0.05 else v_m_s
+        )
         moves_m_s += max(-0.01, min(0.01, wanted_m_s - moves_m_s))  # 1 m/s²
         x_m += 0.01 * moves_m_s
         if tick % 5 == 0:
