@@ -8,7 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from rosbags.rosbag2 import StoragePlugin
 from typer.testing import CliRunner, Result
 
@@ -16,6 +19,7 @@ from lifeline.cli.app import app
 from lifeline.judge import findings
 from lifeline.judge.choice import Named
 from lifeline.judge.judge import Judgement, judge
+from lifeline.judge.page import page, to_json
 from lifeline.judge.source import MAX_WAITING, Found, Source
 from lifeline.recording import Recorded, RecordingReader
 from tests.unit.lifeline.inspection.test_incident import stopped
@@ -316,6 +320,37 @@ def test_messages_that_are_not_of_their_type_are_counted(tmp_path: Path) -> None
         (one._replace(payload=one.payload[:9]) if one.log_time_ns % 7 == 0 else one for one in drive()),
     )
     assert all(one.undecodable > 0 for one in found.feed.streams.values())
+
+
+ANY = st.sampled_from((0.0, -0.0, math.nan, math.inf, -math.inf, 1e308, -1e308, 5e-324, 1.0, -3.0))
+
+
+@settings(max_examples=25)
+@given(
+    st.lists(st.tuples(st.sampled_from((SCAN, ODOM, CMD_VEL)), ANY, ANY, st.integers(0, 400)), max_size=30)
+)
+def test_messages_with_any_numbers_are_judged(
+    tmp_path_factory: pytest.TempPathFactory, odd: list[tuple[str, float, float, int]]
+) -> None:
+    def hostile() -> Iterable[Recorded]:
+        yield from drive(1.0, from_s=0.6)
+        for k, (topic, one, other, beams) in enumerate(odd):
+            time_s = 1.0 + 0.03 * k
+            if topic == ODOM:
+                yield message(ODOM, time_s, ros.odometry((other, one, 0.0), (one, other)))
+            elif topic == CMD_VEL:
+                yield message(CMD_VEL, time_s, ros.planar_twist(one, other))
+            else:
+                with np.errstate(all="ignore"):
+                    ranges = np.full(beams, one, dtype=np.float32)
+                    seen = ros.laser_scan(
+                        ranges, angle_increment_rad=0.01, range_m=(0.05, 12.0), period_s=0.1
+                    )
+                    yield message(SCAN, time_s, replace(seen, range_max=float(np.float32(other))))
+
+    found = judged(tmp_path_factory.mktemp("hostile"), hostile())
+    list(page(found))
+    json.dumps(to_json(found), allow_nan=False)
 
 
 class Endless(Source):
