@@ -197,6 +197,8 @@ class Supervised(Feed):
             self.add(f"source {source}", name)
         self.add("commands", chosen.cmd_vel, law.base_timeout_s)
         self.add("status", chosen.status, STATUS_TIMEOUT_S)
+        self._moved, self._moved_s = STANDSTILL, -math.inf
+        """The last velocity that was permitted, and when."""
         for name in chosen.estops:
             self.add("e-stop", name)
 
@@ -211,7 +213,12 @@ class Supervised(Feed):
         if topic == chosen.status:
             status = decode(payload, ros.SafetyStatus)
             self._judge(events_of_status(time_s, status))
-            self.places.see(moment_of_status(time_s, status))
+            moment, permitted = moment_of_status(time_s, status), velocity_of(status.permitted)
+            if permitted != STANDSTILL:
+                self._moved, self._moved_s = permitted, time_s
+            elif moment.reasons and time_s - self._moved_s <= self.law.command_timeout_s:
+                moment = moment._replace(wanted=self._moved)  # with an e-stop, teleop sends zero at once
+            self.places.see(moment)
         elif topic == chosen.cmd_vel:
             self._judge([Output(time_s, velocity_of(_twist_of(message)) != STANDSTILL)])
         elif topic in chosen.estops:

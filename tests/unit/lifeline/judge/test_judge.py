@@ -409,6 +409,39 @@ def test_a_black_box_and_its_export_are_judged_alike(tmp_path: Path) -> None:
         assert kept["a stop reason ⇒ zero in the same step"] == ("", 0)
 
 
+def test_an_estop_is_a_stop_although_teleop_sends_zero_with_it(tmp_path: Path) -> None:
+    def status(time_s: float, speed_m_s: float, *reasons: str) -> Recorded:
+        twist = ros.planar_twist(speed_m_s, 0.0)
+        names = list(reasons)
+        one = ros.SafetyStatus(
+            ros.header("", 0),
+            0,
+            names,
+            owner="teleop",
+            commanded=twist,
+            permitted=twist,
+            scale=1.0,
+            causes=names,
+        )
+        return message("/robot/supervisor/status", time_s, one)
+
+    def pressed(*, obeyed: bool) -> Iterable[Recorded]:
+        for k in range(40):
+            time_s = 0.05 * k
+            speed_m_s = 0.4 if k < 20 or (k > 30 and not obeyed) else 0.0
+            yield message("/robot/teleop/cmd_vel", time_s, ros.planar_twist(speed_m_s, 0.0))
+            if k == 20:
+                yield message("/robot/estop", time_s, ros.Bool(data=True))
+            yield message("/robot/cmd_vel", time_s + 0.002, ros.planar_twist(speed_m_s, 0.0))
+            yield status(time_s + 0.003, speed_m_s, *(["ESTOP"] if k >= 20 else []))
+
+    found = judged(tmp_path, pressed(obeyed=True))
+    assert totals(found) == {"ESTOP": 1}
+    assert found.broken == []
+    ignored = judged(tmp_path_of(tmp_path, "ignored"), pressed(obeyed=False))
+    assert set(ignored.broken) >= {"e-stop ⇒ zero until a reset", "a stop reason ⇒ zero in the same step"}
+
+
 def test_a_supervisor_that_moves_despite_a_stop_is_found_in_its_recording(tmp_path: Path) -> None:
     path = stopped(tmp_path)
     export = tmp_path / "out.mcap"
