@@ -15,19 +15,21 @@ from lifeline.recording import Recorded
 from supervisor.law.base_motion import moves
 from supervisor.law.lidar import PROFILES
 from supervisor.law.model import LawConfig
-from supervisor.law.reckoning import STANDSTILL
+from supervisor.law.reckoning import STANDSTILL, Velocity
 from supervisor.messages import ScanHeaders
 from wire import cdr
 from wire import messages as ros
 from wire.bus import Arrival
 from wire.messages import Twist, UndecodableError, decode
-from wire.standstill import is_still
+from wire.standstill import STILL_M_S, STILL_RAD_S, is_still
 
 BELOW_MIN_SHARE = 0.05
 """A larger share of readings at or below `range_min` hardly shows the surroundings."""
 LEAST_WAY_M = 0.5
 """A shorter way by the poses of odometry is no motion."""
 STATUS_TIMEOUT_S = 1.0
+NOISE = Velocity(3.0 * STILL_M_S, 3.0 * STILL_RAD_S)
+"""A base that reports a lower velocity may stand: its odometry is noisy."""
 
 
 class Feed(ABC):
@@ -148,7 +150,7 @@ class AnyRobot(Feed):
         self._has_velocity |= self._moving
         before, self._place_m = self._place_m, (at.x, at.y)
         self._way_m += 0.0 if before is None else math.dist(before, self._place_m)
-        is_more_than_noise = moves(velocity, self.law.residual)
+        is_more_than_noise = moves(velocity, NOISE)
         self._judge([Motion(time_s, self.law.hull_speed_m_s(velocity) if is_more_than_noise else 0.0)])
         if self._rerun is not None:
             self._rerun.hear_odometry(time_s, ros.Motion(odometry.header.frame_id, *velocity))

@@ -57,7 +57,7 @@ def _facts_of_places(found: Judgement) -> Iterator[tuple[str, str]]:
         yield "first stop", _place(places.first_stop)
     later = places.stops + places.limited - 1
     if later > 0 and not found.is_supervised:
-        yield "later", f"{later:,} more places, each as if the robot had come there all the same"
+        yield "later", f"{later:,} more, each as if the robot had come there all the same"
     for name, at in (("nearest", places.nearest), ("moving", places.nearest_moving)):
         if at is not None:
             yield name, f"{_nearest(at)}, after {at.time_s:.2f} s"
