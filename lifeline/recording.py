@@ -140,7 +140,9 @@ class RecordingReader:
         except OSError as error:
             raise RecordingError(f"cannot read {path} ({error.strerror}): name a recording") from error
         if magic != MAGIC:
-            raise RecordingError(f"{path} is not an MCAP file: name a file that `lifeline record` wrote")
+            raise RecordingError(
+                f"{path} is not an MCAP file: name a recording, such as a file that `lifeline record` wrote"
+            )
 
     def messages(self) -> Iterator[Recorded]:
         """Yield every message, in the order of the file."""

@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from supervisor.base_record import BaseRecord, Shown
-from supervisor.blackbox.recorder import BlackBox
+from supervisor.blackbox.recorder import StepRecorder
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import NO_DISK, PRESSED, MemoryRecord, Record
 from supervisor.law.certificate import Certificate, certify, foreseen
@@ -78,7 +78,7 @@ class SupervisorService:
         self,
         bus: Bus,
         config: SupervisorSection,
-        black_box: BlackBox | None = None,
+        black_box: StepRecorder | None = None,
         estop_record: Record | None = None,
         suspended_s: Callable[[], float] = never_suspended,
         notifier: Notifier | None = None,

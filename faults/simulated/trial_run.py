@@ -122,7 +122,7 @@ def _judge(world: World, done: list[Done], revision: str, *, with_timeline: bool
     wanted.append(Demand(Kind.DRIVABLE, 8, "everything is mended", EPISODE_S, end_s))
     age_s = asked_age_s(done)
     bounds = Bounds(tolerance_m=tolerance_m(done), asked_age_s=age_s, neutral_leeway_s=age_s)
-    broken = violations(seen, wanted, bounds)
+    broken = [*violations(seen, wanted, bounds), *world.broken]
     broken += [
         BrokenPromise(8, time_s, f"{name} ended by an error of its own: {why}")
         for time_s, name, why in world.crashes

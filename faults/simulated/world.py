@@ -12,7 +12,9 @@ import numpy as np
 
 from faults.measure import BaseReport
 from faults.seen import Asked, Command, Motion, Seen, Status
+from faults.simulated.rules import RuleJudge
 from faults.simulated.scenario import Drivers, Scenario
+from faults.trial import BrokenPromise
 from sim import mj
 from sim.config import Build, Hull, SimSection
 from sim.floorplan import Circle, FloorPlan, Outline, Standing, survey
@@ -249,6 +251,8 @@ class World:
         self.base: list[BaseReport] = []
         self.crashes: list[tuple[float, str, str]] = []
         """Processes that ended with an error: time, name and error."""
+        self.broken: list[BrokenPromise] = []
+        """Promises that a step of a supervisor broke."""
         self.status: SafetyStatus | None = None
         self.velocity = (0.0, 0.0)
         """The velocity that the sources without recovery request."""
@@ -349,9 +353,8 @@ class World:
 
     async def _supervisor(self, life: Life) -> None:
         machine = self.machine
-        service = SupervisorService(
-            life.bus, self._config, estop_record=machine.record, suspended_s=machine.suspended_s
-        )
+        rules = RuleJudge(self._config.command_timeout_s, self.broken)
+        service = SupervisorService(life.bus, self._config, rules, machine.record, machine.suspended_s)
         await service.run(life.stop)
         await life.bus.close()
 

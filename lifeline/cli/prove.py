@@ -1,10 +1,12 @@
-"""The commands that check a configuration and prove the promises: check, demo, faults, fault-report."""
+"""The commands that check a configuration, judge a recording and prove the promises: check, judge, demo, faults, fault-report."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from deploy.stack.errors import EXIT_REFUSED
 from lifeline.command import Json, ResultJson, answer, argument, command, note, option, say
 from wire.host.extras import require
 
@@ -25,6 +27,55 @@ def check(
     from lifeline.check.check import check
 
     return check(file, as_json=as_json)
+
+
+@command(app)
+def judge(
+    *,
+    file: Annotated[
+        Path,
+        argument("FILE", "An .mcap file, a .db3 file or folder of rosbag2, or a black box (.jsonl.gz)."),
+    ],
+    scan: Annotated[
+        list[str] | None,
+        option(
+            "--scan",
+            "TOPIC",
+            "Topic of a lidar's scans. Repeat it for each lidar, in the order of the configuration.",
+        ),
+    ] = None,
+    odom: Annotated[str | None, option("--odom", "TOPIC", "Topic of the odometry.")] = None,
+    cmd_vel: Annotated[
+        str | None, option("--cmd-vel", "TOPIC", "Topic of the commands to the base (Twist or TwistStamped).")
+    ] = None,
+    config: Annotated[
+        Path | None,
+        option(
+            "--config",
+            "FILE",
+            "Configuration with hull, lidars and limits. Default: assumptions, which are printed.",
+        ),
+    ] = None,
+    as_json: ResultJson = False,
+) -> int:
+    """Judge a recording of any robot: where Lifeline would have stopped it, and which safety rules were broken.
+
+    The recording needs laser scans, odometry and velocity commands, as ROS 2 messages. A topic is found by its type.
+
+    Exit 1 if Lifeline would have stopped the robot, or if a rule was broken, 2 if the recording cannot be judged.
+    """
+    from lifeline.command import StatusLine, show
+    from lifeline.judge.choice import Named
+    from lifeline.judge.judge import judge as judge_it
+    from lifeline.judge.page import page, to_json
+
+    progress = StatusLine(sys.stderr)
+    try:
+        found = judge_it(file, config, Named(tuple(scan or ()), odom, cmd_vel), progress.show)
+    finally:
+        progress.clear()
+    show(to_json(found) if as_json else None, *(() if as_json else page(found)), as_json=as_json)
+    return int(found.is_found) if found.is_judged else EXIT_REFUSED
 
 
 @command(app)

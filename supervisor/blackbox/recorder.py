@@ -64,6 +64,14 @@ class Writer(Protocol):
         ...
 
 
+class StepRecorder(Protocol):
+    """Interface of what records the steps of a supervisor; no call blocks for long."""
+
+    def record(self, now_s: float, inputs: Inputs, state: State, decision: Decision) -> None: ...
+
+    def close(self) -> None: ...
+
+
 @dataclass(slots=True)
 class _Segment:
     first_s: float

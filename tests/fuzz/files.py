@@ -16,6 +16,8 @@ from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple, cast
 
+from rich.console import Console
+
 from deploy.keys.commands import show as show_keys
 from deploy.keys.folder import Folder
 from deploy.keys.register import Issued, Register, rows, to_json
@@ -30,6 +32,9 @@ from lifeline.check.check import check
 from lifeline.incidents.commands import export, show, show_list
 from lifeline.incidents.incident import damage_of
 from lifeline.incidents.replay import replay_decision
+from lifeline.judge import page
+from lifeline.judge.choice import Named
+from lifeline.judge.judge import judge
 from lifeline.path import read_poses
 from lifeline.recording import RecordingReader
 from lifeline.view.scene import read_source
@@ -39,6 +44,7 @@ from supervisor.config import SupervisorSection
 from supervisor.estop_record import pressed_by
 from supervisor.law.model import Inputs, Odometry
 from supervisor.law.reckoning import Velocity
+from tests.unit.lifeline.judge.recorded import drive, write_mcap, write_rosbag2
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, WriterAtOnce
 from tests.unit.supervisor.law.law_harness import CONFIG, FORWARD, TICK_S
 from wire.host.config import BusSection, ConfigError
@@ -125,6 +131,7 @@ def incident_commands(path: Path) -> None:
         lambda path: show(path, 30.0, as_json=True),
         lambda path: export(path, out, "robot", as_json=False),
         replay,
+        judged,
         draw,
     )
     for command in commands:
@@ -157,10 +164,18 @@ def state_files(path: Path) -> None:
     print(pressed_by(path.parent, "robot"))
 
 
+def judged(path: Path) -> None:
+    """Judge a recording as `lifeline judge` does."""
+    found = judge(path, None, Named(), print)
+    Console().print(*page.page(found))
+    print(page.to_json(found))
+
+
 def recording(path: Path) -> None:
     list(RecordingReader(path).messages())
     draw(path)
     read_poses(path)
+    judged(path)
 
 
 def robot_file(path: Path) -> None:
@@ -294,12 +309,15 @@ def readers(directory: Path) -> tuple[FileReader, ...]:
     mcap = directory / "seed.mcap"
     with redirect_stdout(io.StringIO()):
         export(box, mcap, "robot", as_json=False)
+    any_bag = write_rosbag2(directory / "any_bag", drive(1.5))
     record = Launch(Path("robot.toml"), BusSection().to_bus_config()).to_record()
     issued = Issued("alice", Role.OPERATOR, "robot", (), "12", 2e9)
     registered = Register((issued, replace(issued, name="bob")), {"eve": 1e9})
     return (
         FileReader(box.name, box.read_bytes(), incident_commands),
         FileReader("drive.mcap", mcap.read_bytes(), recording),
+        FileReader("any.mcap", write_mcap(directory / "any.mcap", drive(1.5)).read_bytes(), judged),
+        FileReader("any.db3", (any_bag / "any_bag.db3").read_bytes(), judged),
         FileReader("robot.toml", (ROOT / "deploy/robot.toml").read_bytes() + SETTINGS, robot_file),
         FileReader("layout.toml", (ROOT / "sim/layouts/warehouse.toml").read_bytes(), read_layout),
         FileReader("stack.json", json.dumps(record | {"pid": 1, "command": "up"}).encode(), state_files),

@@ -108,6 +108,17 @@ async def test_the_incident_of_a_killed_teleop_has_the_figures_of_an_observer_an
     file = tmp_path / "incident.mcap"
     incidents(tmp_path, "export", "last", str(file))
     assert_readers_agree(path, file, listed)
+    assert_every_rule_was_kept(path)
+
+
+def assert_every_rule_was_kept(path: Path) -> None:
+    """The black box has the times that the law read, so no load of the machine breaks a rule."""
+    command = [sys.executable, "-m", "lifeline.cli.app", "judge", str(path), "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    rules = {rule["rule"]: rule for rule in json.loads(done.stdout)["rules"]}
+    for name in ("motion ⇒ a fresh command", "a stop reason ⇒ zero in the same step"):
+        assert (rules[name]["why_not"], rules[name]["broken"]) == ("", 0)
 
 
 def assert_readers_agree(path: Path, file: Path, listed: dict[str, Any]) -> None:

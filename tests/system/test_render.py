@@ -132,7 +132,10 @@ def test_where_no_robot_runs_a_new_one_is_drawn_and_the_command_says_so(tmp_path
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (("{tmp}/notes.mcap",), "is not an MCAP file: name a file that `lifeline record` wrote"),
+        (
+            ("{tmp}/notes.mcap",),
+            "is not an MCAP file: name a recording, such as a file that `lifeline record` wrote",
+        ),
         (("{tmp}/notes.mcap", "--fresh"), "leave out the file, or --fresh and --drive"),
         (("last",), "has no incidents: see `lifeline incidents list`"),
     ],

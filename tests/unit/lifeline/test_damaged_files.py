@@ -24,6 +24,7 @@ COMMANDS = (
     ("incidents", "export"),
     ("replay-decision",),
     ("replay-decision", "--json"),
+    ("judge",),
 )
 
 

@@ -165,7 +165,10 @@ def test_a_recording_without_a_pose_is_refused(tmp_path: Path, namespace: str) -
 
 def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("nothing")
-    with pytest.raises(DeployError, match="is not an MCAP file: name a file that `lifeline record` wrote"):
+    with pytest.raises(
+        DeployError,
+        match="is not an MCAP file: name a recording, such as a file that `lifeline record` wrote",
+    ):
         of_file(LAUNCH, tmp_path / "notes.txt")
     with pytest.raises(DeployError, match=r"none\.mcap \(No such file or directory\)"):
         of_file(LAUNCH, tmp_path / "none.mcap")

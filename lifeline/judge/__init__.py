@@ -1,0 +1,1 @@
+"""Judges a recording of any robot: where Lifeline would have stopped it, and whether past-time rules held."""
