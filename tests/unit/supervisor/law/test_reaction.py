@@ -231,7 +231,7 @@ def test_the_bound_of_a_base_that_is_left_alone_is_computed_where_it_may_be_lowe
 ) -> None:
     """At 1 m/s, it allows 0.25 m more than the stop distance."""
     config = replace(CONFIG, base_timeout_s=farther_m + 0.05, base_dead_time_s=0.1)
-    found = permission._barriers(config, 0.0, 0.05, 1.0)  # pyright: ignore[reportPrivateUsage]
+    found = permission.barriers(config, 0.0, 0.05, 1.0)  # pyright: ignore[reportPrivateUsage]
     assert len(found) == bounds
     assert {barrier.dead_time_s for barrier in found} == {0.1}
     assert found[-1].stop_distance_m == (config.stop_distance_m if bounds == 1 else permission.TOUCH_M)

@@ -348,6 +348,7 @@ def test_half_of_the_beams_decide() -> None:
 def test_a_smooth_change_is_no_noise(change_m: float) -> None:
     """The robot moves, and odometry does not show it."""
     ranges, state = np.full(BEAMS, 2.0), Surfaces()
+    counts_m = ranges
     for number in range(5):
         state, counts_m = read(ranges + number * change_m * np.linspace(0.5, 1.0, BEAMS), state)
     assert state.noise_m < 1e-9
