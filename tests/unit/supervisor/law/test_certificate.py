@@ -395,6 +395,15 @@ def test_the_first_odometry_of_all_waits_for_the_step_which_gets_to_know_its_wri
     assert not foresees(law, inputs)
 
 
+def test_its_points_grow_older_by_a_period_until_the_next_scan_shows_them_again() -> None:
+    law = driving()
+    taken_s = law.now_s
+    law.scanning = False
+    law.tick(("teleop", FORWARD), **heard(law, FORWARD))
+    assert certificate(law).taken_s == taken_s
+    assert certificate(law).period_before_s == pytest.approx(taken_s - TICK_S)
+
+
 def test_remembered_points_count() -> None:
     law = driving(velocity=SPIN, room_m=1.7)
     law.ranges[:60] = 1.2
