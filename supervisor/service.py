@@ -111,8 +111,8 @@ class SupervisorService:
         """What the last step has proven about the next one."""
         self._commanded: Velocity | None = None
         """The velocity that was published last."""
-        self.wrongly_foreseen = 0
-        """How often a step has decided otherwise than its certificate; always zero, unless the certificate has an error."""
+        self._is_foresight_wrong = False
+        """Whether a step has decided otherwise than foreseen: then every command waits for its step, until a restart."""
         self._published: tuple[object, ...] | None = None
         """The outline of the last published status."""
         self._next_status_s = self._next_challenge_s = 0.0
@@ -197,14 +197,14 @@ class SupervisorService:
         self._note_press(inputs, before)
         self._publish(decision, now_s, is_due=on_tick and early is None)
         if early is not None and early != decision.output:
-            self._note_error(early, decision)
+            self._distrust(early, decision)
         if challenge:
             self._challenge(decision, challenge)
         if self._base_record is not None:
             self._base_record.keep(Shown(self._state.base.braking, mounts_confirmed(self._state.sight)))
         if self._black_box is not None:
             self._black_box.record(now_s, inputs, before, decision)
-        self._certificate = certify(self._state, decision)
+        self._certificate = None if self._is_foresight_wrong else certify(self._state, decision)
         self._notifier.running(now_s)  # last: a turn that hangs anywhere reports nothing
         return min(self._next_tick_s, runs_out_s(self._state))
 
@@ -317,14 +317,14 @@ class SupervisorService:
         self._commanded = velocity
         self._cmd_vel.put(to_twist(velocity), now_s)
 
-    def _note_error(self, early: Velocity, decision: Decision) -> None:
-        """Count a certificate with an error; `_publish` corrects the command at once."""
-        self.wrongly_foreseen += 1
+    def _distrust(self, early: Velocity, decision: Decision) -> None:
+        """Use no certificate any more: one had an error, which the step has corrected."""
+        self._is_foresight_wrong = True
         _log.error(
-            "certificate: %s was published, but the step decides %s (%d so far); please report this",
-            tuple(early),
-            tuple(decision.output),
-            self.wrongly_foreseen,
+            "certificate: %s m/s, %s rad/s was published, but the step has decided %s m/s, %s rad/s; commands now wait for "
+            "their step until a restart: report this with the black box",
+            *early,
+            *decision.output,
         )
 
     def _publish(self, decision: Decision, now_s: float, *, is_due: bool) -> None:

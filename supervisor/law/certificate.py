@@ -14,7 +14,7 @@ within the reach of the barrier. Then `step` has no reason, and permits the whol
   A point farther away than the reach of the barrier at V and this distance limits nothing (reach.py).
 * Limits. Each is computed as in the step, and must permit the whole command.
 
-The tests compare it with `step` in random scenes. What the certificate does not cover waits for the step.
+The tests compare it with `step` for every edge of the model check, and in random scenes. What the certificate does not cover waits for the step.
 """
 
 import math
@@ -52,8 +52,8 @@ class Certificate(NamedTuple):
     """Distance from the hull, at the odometer's pose, within which no point is; seen, remembered or hidden."""
     taken_s: float
     """When the oldest scan was taken."""
-    renewed_s: float
-    """The latest time at which a scan that will be renewed next is expected, less its age at the time zero."""
+    period_before_s: float
+    """The least time of a scan less its period: the age since then is that of its points when the next scan comes."""
 
 
 def certify(state: State, decision: Decision) -> Certificate | None:
@@ -96,7 +96,7 @@ def certify(state: State, decision: Decision) -> Certificate | None:
         fastest=_faster(_faster(base.following.most, base.output), base.odometer.velocity),
         free_m=min(_free_m(place, base.odometer) for place in (*places, *sight.places)),
         taken_s=min(scan.taken_s for _, scan in scans),
-        renewed_s=max(scan.period_s - scan.taken_s for _, scan in scans),
+        period_before_s=min(scan.taken_s - scan.period_s for _, scan in scans),
     )
 
 
@@ -120,7 +120,8 @@ def foreseen(certificate: Certificate | None, now_s: float, inputs: Inputs) -> V
     if inputs.odometry is not None:
         fastest = _faster(fastest, inputs.odometry.velocity)
     fastest_m_s = config.hull_speed_m_s(fastest)
-    bounds = barriers(config, now_s - certificate.taken_s, now_s + certificate.renewed_s, fastest_m_s)
+    age_s, next_s = now_s - certificate.taken_s, now_s - certificate.period_before_s
+    bounds = barriers(config, age_s, next_s, fastest_m_s)
     moved_m = fastest_m_s * (now_s - certificate.odometer.at_s)
     needed_m = max(reach_m(fastest_m_s, bound) for bound in bounds) + moved_m
     return wanted if needed_m + ROUNDING <= certificate.free_m else None

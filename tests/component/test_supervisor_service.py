@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from supervisor import service
+from supervisor.law.certificate import Certificate
 from supervisor.law.decision import Decision
 from supervisor.law.model import Inputs
 from supervisor.law.reckoning import Velocity
@@ -143,28 +144,26 @@ async def test_a_command_on_a_free_path_is_published_before_its_step(
     assert order[:2] == (["put", "step"] if comes_before else ["step", "put"])
 
 
-async def test_a_step_that_decides_otherwise_than_foreseen_corrects_it_at_once_and_is_reported(
+async def test_a_step_that_decides_otherwise_than_foreseen_is_obeyed_at_once_and_nothing_is_foreseen_again(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    rig, wrong = Rig(), Velocity(0.4, 0.0)
+    rig, wrong, right = Rig(), planar_twist(0.4, 0.0), planar_twist(0.5, 0.0)
+
+    def mistaken(certificate: Certificate | None, _now_s: float, _inputs: Inputs) -> Velocity | None:
+        return None if certificate is None else Velocity(0.4, 0.0)
+
     async with rig.supervisor(), rig.lidar(), rig.source():
         await rig.drive(0.5)
         rig.cmd_vel.take()
-
-        def mistaken(*_: object) -> Velocity:
-            monkeypatch.setattr(service, "foreseen", nothing_foreseen)
-            return wrong
-
         monkeypatch.setattr(service, "foreseen", mistaken)
-        await rig.pass_time(0.1)
-        heard = itertools.dropwhile(lambda a: a.message != planar_twist(*wrong), rig.cmd_vel.take())
+        await rig.pass_time(0.5)
+        heard = itertools.dropwhile(lambda a: a.message == right, rig.cmd_vel.take())
         first, second, *others = heard
-    assert all(arrival.message == planar_twist(0.5, 0.0) for arrival in (second, *others))
+    assert (first.message, second.message) == (wrong, right)
     assert second.arrival_s == first.arrival_s
+    assert all(arrival.message == right for arrival in others[:-1])
     (line,) = (record for record in caplog.messages if "certificate" in record)
-    assert line == (
-        "certificate: (0.4, 0.0) was published, but the step decides (0.5, 0.0) (1 so far); please report this"
-    )
+    assert "0.4 m/s, 0.0 rad/s was published, but the step has decided 0.5 m/s" in line
 
 
 async def test_a_dead_source_stops_it_within_the_same_instant() -> None:

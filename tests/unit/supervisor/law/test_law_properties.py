@@ -653,7 +653,7 @@ def test_those_lives_did_drive() -> None:
     if not driven:
         pytest.skip("the lives were not lived in this run")
     assert sum(driven) > 0.2 * len(driven)
-    assert sum(foreseen) > 0.1 * len(foreseen), "each certificate was compared with its step"
+    assert sum(foreseen) > 0.05 * len(foreseen), "each certificate was compared with its step"
 
 
 @examples(600)
