@@ -114,7 +114,7 @@ class Agreement(NamedTuple):
     explanations: frozenset[Explanation] = frozenset()
     """What explained each of these judgements."""
     not_ruled_out: frozenset[Explanation] = MISTAKES
-    """The mistakes of mounting and odometry that no judgement has ruled out yet."""
+    """The mistakes of mounting and odometry that no judgement has ruled out since the start, or since the last mismatch."""
     rests: int = 0
     """Number of consecutive scans at rest that showed noise, up to `RESTS`."""
     repeated: Mask | None = None
@@ -158,7 +158,9 @@ def agree(agreement: Agreement, view: View, mount: Mount) -> Agreement:
     if agreement.doubts >= DOUBTS:
         return agreement
     if again:
-        return agreement._replace(doubts=agreement.doubts + 1, explanations=again)
+        doubts = agreement.doubts + 1
+        not_ruled_out = MISTAKES if doubts >= DOUBTS else agreement.not_ruled_out
+        return agreement._replace(doubts=doubts, explanations=again, not_ruled_out=not_ruled_out)
     return agreement._replace(doubts=1 if found else 0, explanations=found)
 
 
@@ -218,8 +220,8 @@ def _blocks(same: Mask, least: int, *, is_round: bool) -> Mask:
 def explain(before: View, view: View, mount: Mount) -> frozenset[Explanation] | None:
     """Return the explanations of what a view shows after the motion since an earlier view of the same lidar.
 
-    Returns the configuration if it is confirmed, with the explanations that this motion cannot separate from it; else what
-    explains the view clearly better; None if the motion changes too little to judge.
+    Returns the configuration if it is confirmed, with the explanations that it does not explain the view clearly better than; else
+    what explains the view clearly better than the configuration; None if the motion changes too little to judge.
     """
     shifts = _shifts(before, view, mount)
     points = view.free_m * _directions(view.geometry)
@@ -234,9 +236,10 @@ def explain(before: View, view: View, mount: Mount) -> frozenset[Explanation] | 
     if (confirms + contradicts) * beam_rad < LEAST_RAD:
         return None
     far = {e: shift for e, shift in shifts.items() if _is_far(shift, shifts[Explanation.CONFIGURED])}
-    if confirms >= CONFIRMED_SHARE * (confirms + contradicts):
-        return frozenset(shifts.keys() - far.keys())
     others = {e: fits(shift) for e, shift in far.items()}
+    if confirms >= CONFIRMED_SHARE * (confirms + contradicts):
+        worse = {e for e, fit in others.items() if _is_clearly_better(expected, fit, beam_rad)}
+        return frozenset(shifts.keys() - worse)
     return frozenset(
         e
         for e, fit in others.items()

@@ -23,7 +23,7 @@ import numpy.typing as npt
 from supervisor.law.clearance import Floats, Hull, Mask, Surroundings, nothing_around, survey
 from supervisor.law.lidar import LidarProfile, explain
 from supervisor.law.reckoning import Pose, between
-from supervisor.law.silence import FAR_SHARE, MOVER_M_S, vanished
+from supervisor.law.silence import FAR_SHARE, LONGEST_S, MOVER_M_S, vanished
 from supervisor.law.surface import NOTHING, Surfaces, surfaces
 from wire.freshness import Sent
 
@@ -326,9 +326,15 @@ def _known_surfaces(previous: ScanReading | None, geometry: Geometry, moment: Mo
     """Return the noise and the means of earlier scans; without means while the base is commanded to move, or if the beams look elsewhere."""
     if previous is None:
         return Surfaces()
-    if previous.view is None or previous.view.geometry != geometry or not moment.stopped:
+    if previous.view is None or not _is_same(previous.view.geometry, geometry) or not moment.stopped:
         return previous.surfaces._replace(mean_m=NOTHING)
     return previous.surfaces
+
+
+def _is_same(one: Geometry, other: Geometry) -> bool:
+    """Return whether the beams of two scans have the same directions, within half a beam: some drivers round differently each time."""
+    apart_rad = abs(one.angle_min - other.angle_min) + one.beams * abs(one.increment - other.increment)
+    return one.beams == other.beams and apart_rad < 0.5 * abs(one.increment)
 
 
 def _repetition(previous: ScanReading | None, scan: LaserScan, moment: Moment) -> tuple[int, float]:
@@ -482,7 +488,8 @@ def _lost(
     pose, is_round = moment.pose, is_full_turn(before.geometry)
     way, index = between(before.pose, pose), np.arange(count)
     moved_m = math.hypot(way.x_m, way.y_m) + abs(way.yaw_rad) * math.hypot(mount.x_m, mount.y_m)
-    strip_m = MOVER_M_S * (moment.taken_s - before.taken_s) + moved_m
+    # After a gap in the scans, nothing shows that an object moved during the whole gap.
+    strip_m = MOVER_M_S * min(moment.taken_s - before.taken_s, LONGEST_S) + moved_m
     shift = round(way.yaw_rad / increment)
     known = before if shift == 0 else _at_beams(before, index + shift)
     remained = known.hit & (known.free_m + strip_m < FAR_SHARE * range_max_m)

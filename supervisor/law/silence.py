@@ -22,6 +22,9 @@ LEAST_RAD = math.radians(10.0)
 MOVER_M_S = 2.0
 """Fastest object that may uncover or carry away a return."""
 
+LONGEST_S = 0.1
+"""Time for which such an object is assumed to have moved between two scans, at most: a gap in the scans explains no silence."""
+
 FAR_SHARE = 0.8
 """Beyond this share of `range_max`, a return may also vanish because it is too weak."""
 
