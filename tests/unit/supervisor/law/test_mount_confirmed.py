@@ -4,16 +4,18 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from supervisor.config import UNCONFIRMED_M_S, SupervisorSection, is_simulated
 from supervisor.law import sight as sights
-from supervisor.law.agreement import MISTAKES, Agreement, Explanation, agree
+from supervisor.law.agreement import DOUBTS, MISTAKES, Agreement, Explanation, agree, explain
 from supervisor.law.decision import Decision, Mode
 from supervisor.law.reckoning import Pose, Velocity
 from supervisor.law.safety import initial_state
 from supervisor.law.scan import Mount
 from supervisor.law.state import State
+from tests.unit.supervisor.law.closed_loop import World
 from tests.unit.supervisor.law.law_harness import NEUTRAL, Law
 from tests.unit.supervisor.law.recordings import DATA, ROBOTS, Replay, load
 from tests.unit.supervisor.law.test_agreement import AHEAD, ARC, HERE, SPIN, START, after, look
@@ -45,6 +47,29 @@ def test_a_straight_motion_and_a_turn_confirm_the_mounting_in_either_order() -> 
 def test_what_is_ruled_out_remains_so() -> None:
     confirmed = seen_at(START, ARC)
     assert not agree(confirmed, look(after(ARC, 0.3, 0.0, 0.0)), HERE).not_ruled_out
+
+
+def test_what_a_view_does_not_contradict_is_not_ruled_out() -> None:
+    """Among posts 0.52 m apart, 0.26 m forward look like 0.26 m backward."""
+    along = np.arange(-5.2, 5.3, 0.52)
+    pillars = np.array([(x, y) for x in along for y in (-1.0, 1.0)])
+    posts = World(pillars, np.full(len(pillars), 0.05), np.zeros((0, 2)), np.zeros((0, 2)))
+    start = Pose(0.13, 0.0, 0.0)
+    found = explain(look(start, world=posts), look(after(start, 0.26, 0.0, 0.0), world=posts), HERE)
+    assert found is not None
+    assert {E.CONFIGURED, E.TURNED, E.BACKWARDS} <= found
+
+
+def test_a_mismatch_ends_a_confirmation() -> None:
+    confirmed = seen_at(START, ARC)
+    turned = Mount(0.0, 0.0, math.pi)
+    wrong = confirmed._replace(reference=look(ARC, turned))
+    pose = ARC
+    for count in range(1, DOUBTS + 1):
+        pose = after(pose, 0.28, 0.05, 0.3)
+        wrong = agree(wrong, look(pose, turned), HERE)
+        assert wrong.doubts == count
+        assert wrong.not_ruled_out == (MISTAKES if count == DOUBTS else frozenset())
 
 
 @pytest.mark.parametrize("yaw_rad", [math.pi, math.pi / 2, -math.pi / 2])

@@ -592,6 +592,26 @@ def test_a_scan_of_other_directions_or_under_a_command_begins_new_means() -> Non
     assert driving.surfaces.seen.tolist() == [1.0] * BEAMS, "odometry may be stuck at zero"
 
 
+@pytest.mark.parametrize(
+    ("fields", "is_same"),
+    [
+        ({"angle_increment": BEAM_RAD * (1.0 + 1e-7)}, True),
+        ({"angle_min": -math.pi + 0.49 * BEAM_RAD}, True),
+        ({"angle_min": -math.pi + 0.51 * BEAM_RAD}, False),
+        ({"angle_increment": BEAM_RAD * (1.0 - 0.51 / BEAMS)}, False),
+    ],
+)
+def test_beams_within_half_a_beam_of_the_last_scan_continue_its_means(
+    fields: dict[str, float], *, is_same: bool
+) -> None:
+    first = read(full(0.6))
+    second = read(full(0.6), first._replace(surfaces=NOISY), taken_s=PERIOD_S)
+    third = read(full(0.6), second, taken_s=2 * PERIOD_S, fields=fields)
+    assert third.surfaces.seen.tolist() == [2.0 if is_same else 1.0] * BEAMS
+    fewer = read(full(0.6)[:-1], second, taken_s=2 * PERIOD_S)
+    assert fewer.surfaces.seen.tolist() == [1.0] * (BEAMS - 1)
+
+
 def test_no_standard_error_places_a_return_inside_the_hull() -> None:
     first = read(full(0.2501))
     reading = read(full(0.2501), first._replace(surfaces=NOISY), taken_s=PERIOD_S)

@@ -153,6 +153,33 @@ def law_with_silence_ahead() -> Law:
     return law
 
 
+@pytest.mark.parametrize("gap_s", [0.16, 0.7, 2.0])
+def test_a_gap_in_the_scans_explains_no_silence(gap_s: float) -> None:
+    """If an object may have moved during the whole gap, it may have moved anywhere: the robot touched a pillar."""
+    law = Law(room_m=1.0)
+    law.hold(0.1, ("teleop", NEUTRAL))
+    law.scanning = False
+    law.hold(gap_s, ("teleop", NEUTRAL))
+    law.scanning = True
+    law.ranges = np.where(AHEAD, np.inf, 1.0).astype(np.float32)
+    law.tick(("teleop", NEUTRAL))
+    assert (lost_of(law) == AHEAD).all()
+
+
+@pytest.mark.parametrize(("width", "is_lost"), [(11, False), (12, True)])
+@pytest.mark.parametrize("age_s", [0.1, 1.0])
+def test_an_object_has_moved_for_a_tenth_of_a_second_at_most(
+    age_s: float, width: int, *, is_lost: bool
+) -> None:
+    """By 0.2 m: 11.5 beams of a degree at a distance of 1 m."""
+    law = Law(room_m=1.0, scanning=False)
+    silent = np.where(np.arange(BEAMS) < width, np.inf, 1.0).astype(np.float32)
+    for ranges in (ring(1.0), silent):
+        law.now_s += age_s
+        law.step(Inputs(scans=(laser_scan(ranges, law.now_s),)))
+    assert bool(lost_of(law).any()) is is_lost
+
+
 def test_a_lost_beam_proves_nothing_until_it_returns() -> None:
     law = law_with_silence_ahead()
     law.hold(0.4, ("teleop", NEUTRAL))
