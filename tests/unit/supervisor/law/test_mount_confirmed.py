@@ -53,7 +53,8 @@ def test_what_a_view_does_not_contradict_is_not_ruled_out() -> None:
     """Among posts 0.52 m apart, 0.26 m forward look like 0.26 m backward."""
     along = np.arange(-5.2, 5.3, 0.52)
     pillars = np.array([(x, y) for x in along for y in (-1.0, 1.0)])
-    posts = World(pillars, np.full(len(pillars), 0.05), np.zeros((0, 2)), np.zeros((0, 2)))
+    walls = np.array([[-20.0, 2.0], [20.0, -2.0]])
+    posts = World(pillars, np.full(len(pillars), 0.1), walls, -walls * np.array([1.0, -1.0]))
     start = Pose(0.13, 0.0, 0.0)
     found = explain(look(start, world=posts), look(after(start, 0.26, 0.0, 0.0), world=posts), HERE)
     assert found is not None
