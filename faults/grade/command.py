@@ -17,6 +17,7 @@ from faults.grade import report, rubric
 from faults.grade.exam import Exam, grade
 from faults.grade.robot import Setup
 from faults.real.rig.cable import why_not
+from faults.trial_file import provenance_of_this_command
 from wire.foreign import read_text
 from wire.host.config import Endpoint
 
@@ -94,7 +95,8 @@ def run(orders: Orders, say: Say) -> int:
     found = grade(exam, say)
     _write(orders.html, lambda: report.page(found))
     _write(orders.junit, lambda: report.junit(found))
-    _write(orders.json, lambda: json.dumps(report.as_json(found), indent=1) + "\n")
+    run_of = provenance_of_this_command().model_dump()
+    _write(orders.json, lambda: json.dumps({"run": run_of, **report.as_json(found)}) + "\n")
     console = Console()
     if not console.is_terminal:
         console = Console(width=MIN_WIDTH)

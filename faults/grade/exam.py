@@ -140,7 +140,8 @@ async def _trial(exam: Exam, robot: Robot, fault: Fault, say: Say) -> list[Mark]
     """
     say(f"driving; then: {TITLES[fault]}")
     async with _driving(exam, robot) as program:
-        program.let_go()
+        if fault is Fault.STOPPED:
+            program.let_go()  # the program must not find the key in its terminal when it continues
         at_s = await _inject(exam, robot, program, fault)
         await _watch(robot, at_s, may_go_on=fault in {Fault.GARBAGE, Fault.SECOND})
         marks = [_mark(exam, robot, program, fault, at_s)]

@@ -15,6 +15,9 @@ WATCHED_S = 4.5
 AGAIN_M = 0.02
 """A robot that moves farther than this after its standstill has not stopped."""
 
+BEFORE_S, POINTS = 1.0, 300
+"""The time before the fault that a curve shows, and its maximum number of points."""
+
 
 class Fault(StrEnum):
     """What happens to the program or to the robot; the names of the rubric's tables."""
@@ -102,8 +105,13 @@ def observed(motions: Sequence[Motion], at_s: float, swing_m_s: float, *, ended:
         touched=any(motion.is_touching for motion in after),
         swings=swings([motion.linear_m_s for motion in [before, *after]], swing_m_s),
         ended=ended,
-        curve=tuple((motion.time_s - at_s, motion.linear_m_s) for motion in motions),
+        curve=_curve([motion for motion in motions if motion.time_s > at_s - BEFORE_S], at_s),
     )
+
+
+def _curve(motions: Sequence[Motion], at_s: float) -> tuple[tuple[float, float], ...]:
+    every = 1 + len(motions) // POINTS
+    return tuple((round(one.time_s - at_s, 3), round(one.linear_m_s, 3)) for one in motions[::every])
 
 
 def _way_m(motions: Sequence[Motion]) -> float:

@@ -18,6 +18,7 @@ from deploy.stack.keyboard import COLUMNS, ESCAPE, REPLY, ROWS, SCREEN_BYTES, re
 from faults.grade import leftovers
 from wire.text import printable
 
+LAST_CHARACTERS = 300
 REPEAT_S = 1.0 / 30.0
 """Of a held key: a usual value of a desktop."""
 
@@ -74,7 +75,7 @@ class Program:
         text = ESCAPE.sub("", self._screen.decode(errors="replace"))
         lines = [printable(line.strip()) for line in text.splitlines() if line.strip()]
         how = "runs" if code is None else f"ended with code {code}"
-        return f"it {how}, and its last lines are: {' | '.join(lines[-3:]) or 'none'}"
+        return f"it {how}, and its last lines are: {' | '.join(lines[-3:])[-LAST_CHARACTERS:] or 'none'}"
 
     def type(self, data: bytes) -> None:
         """Type bytes on its keyboard; a full or closed terminal drops them."""

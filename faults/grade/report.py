@@ -11,7 +11,6 @@ from rich.table import Column, Table
 from faults.grade.marks import TITLES, Grade, Mark
 
 WIDTH_PX, HEIGHT_PX, LEFT_PX, TOP_PX, BOTTOM_PX = 560, 120, 44, 10, 24
-POINTS_AT_MOST = 300
 STYLE = """
 :root{color-scheme:light dark;--ink:#20262e;--paper:#fff;--soft:#66707c;--rule:#d9dee4;--line:#3a6ea5;--red:#c8443c}
 @media(prefers-color-scheme:dark){:root{--ink:#e4e8ec;--paper:#15191e;--soft:#98a3af;--rule:#343c45;--line:#7eb0e3;--red:#ff7a70}}
@@ -103,8 +102,7 @@ def _page(grade: Grade) -> Iterator[str]:
 
 
 def drawing(curve: Sequence[tuple[float, float]]) -> str:
-    """Draw the forward speed over the time from the fault as SVG, with at most `POINTS_AT_MOST` points."""
-    curve = curve[:: 1 + len(curve) // POINTS_AT_MOST]
+    """Draw the forward speed over the time from the fault as SVG."""
     begin_s, end_s = min(curve[0][0], -0.1), max(curve[-1][0], 0.1)
     speeds = [speed for _, speed in curve]
     low, high = min(0.0, *speeds), max(0.2, *speeds)

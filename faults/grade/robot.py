@@ -146,6 +146,7 @@ class Robot:
         self._programs = 0
         self.second: Program | None = None
         """The second instance of the program, while there is one."""
+        self._supervisor: ZenohBus | None = None
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._domain = 0
         self.motions: list[Motion] = []
@@ -185,7 +186,7 @@ class Robot:
         """Start a supervisor with a link to the program; return its endpoint."""
         hub = free_loopback_endpoint()
         self._run(topics.SUPERVISOR, [sys.executable, "-m", topics.SUPERVISOR, "--endpoint", hub])
-        self._bus = await self._open(BusConfig(hub), "client")
+        self._bus = self._supervisor = await self._open(BusConfig(hub), "client")
         self._link(hub)
         return hub
 
@@ -227,6 +228,7 @@ class Robot:
         options = ["--config", str(config), "--endpoint", hub]
         self._run(topics.SUPERVISOR, [sys.executable, "-m", topics.SUPERVISOR, *options])
         self._run(topics.ROS2, [str(python), "-m", topics.ROS2, *options], self.ros_variables)
+        self._supervisor = await self._open(BusConfig(hub), "client")
 
     @property
     def ros_python(self) -> Path:
@@ -359,21 +361,26 @@ class Robot:
         self._bus.publisher(topics.OBSTACLE).put(Point(x_m, y_m, 0.0))
 
     async def back_to_start(self) -> None:
-        """Put the robot at rest at its start, without a pillar.
+        """Put the robot at rest at its start, without a pillar and without a latched e-stop.
 
         Raises:
-            DeployError: the simulator does not answer.
+            DeployError: the simulator or the supervisor does not answer.
         """
         if self._base is not None:
             self._base.forget()
         self._bus.publisher(topics.OBSTACLE).put(Point(0.0, 0.0, -1.0))
+        await self._call(self._bus, topics.SIM_RESET)
+        if self._supervisor is not None:
+            await self._call(self._supervisor, topics.SUPERVISOR_RESET)
+
+    async def _call(self, bus: ZenohBus, service: topics.Service) -> None:
         deadline_s = time.monotonic() + RESET_LIMIT_S
         while True:
             try:
-                await self._bus.call(topics.SIM_RESET, timeout_s=CALL_LIMIT_S)
+                await bus.call(service, timeout_s=CALL_LIMIT_S)
             except NoReplyError as error:
                 if time.monotonic() > deadline_s:
-                    raise DeployError(f"the simulator does not answer: {error}{self._logs()}") from error
+                    raise DeployError(f"{service.server} does not answer: {error}{self._logs()}") from error
             else:
                 return
 
