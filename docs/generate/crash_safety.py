@@ -18,11 +18,11 @@ from functools import cache
 from pathlib import Path
 
 from bench.rig.stored import read_appended
-from bench.ros2_crash.trial import markdown, read_origins
-from bench.ros2_crash.trial import read as read_ros2
 from bench.soak import Sample, judge, warm_up_s
 from deploy.stack.errors import DeployError
 from docs.generate import sections
+from docs.generate.ros2_crash import markdown, read_origins
+from docs.generate.ros2_crash import read as read_ros2
 from faults.classes import BY_NAME
 from faults.promises import PROMISES
 from faults.report.figures import Campaign, ClassFigures, Spread

@@ -8,10 +8,11 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import AsyncGenerator, Callable, Sequence
+from collections.abc import AsyncGenerator, Callable, Coroutine, Sequence
 from contextlib import ExitStack, asynccontextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, TypeVar
 
 from deploy.stack import errors
 from deploy.stack.errors import DeployError
@@ -21,11 +22,13 @@ from faults.grade.marks import TITLES, WATCHED_S, Fault, Grade, Mark, mark, obse
 from faults.grade.program import Program, found
 from faults.grade.robot import Robot, Setup, running
 from faults.grade.rubric import Rubric
+from faults.measure import MOVING_M_S
 from faults.real.rig.cable import why_not
 from lifeline.incidents.braking import STILL_S, Motion
 from wire.text import printable
 
-MOVING_M_S = 0.05
+T = TypeVar("T")
+
 ALMOST = 0.95
 """A robot at this share of the wanted speed has reached it."""
 STEADY_S, STEADY_M_S = 0.5, 0.02
@@ -78,9 +81,19 @@ def grade(exam: Exam, say: Say) -> Grade:
         DeployError: the program could not be graded, or the robot could not be started.
     """
     found(exam.command, os.environ.get("PATH", os.defpath))
+    marks = in_directory(lambda directory: _all(exam, directory, say))
+    words = " ".join(exam.command)
+    return Grade(printable(words), str(exam.setup), exam.rubric.exam.pass_percent, tuple(marks))
+
+
+def in_directory(play: Callable[[Path], Coroutine[Any, Any, T]]) -> T:
+    """Run something with a new directory, and at the end, whatever happens, end every process that carries its mark.
+
+    Raises:
+        KeyboardInterrupt: a signal has ended it.
+    """
     with ExitStack() as ending:
         directory = Path(tempfile.mkdtemp(prefix="lifeline-grade-")).resolve()
-        ending.callback(leftovers.sweep, directory, os.getpid())
         janitor = subprocess.Popen(
             [sys.executable, "-m", "faults.grade.leftovers", str(directory), str(os.getpid())],
             stdin=subprocess.PIPE,
@@ -92,11 +105,9 @@ def grade(exam: Exam, say: Say) -> Grade:
         ending.callback(leftovers.sweep, directory, os.getpid())
         with errors.interrupts():
             try:
-                marks = asyncio.run(_all(exam, directory, say))
+                return asyncio.run(play(directory))
             finally:
                 errors.ignore()
-    words = " ".join(exam.command)
-    return Grade(printable(words), str(exam.setup), exam.rubric.exam.pass_percent, tuple(marks))
 
 
 async def _all(exam: Exam, directory: Path, say: Say) -> list[Mark]:
@@ -139,7 +150,7 @@ async def _trial(exam: Exam, robot: Robot, fault: Fault, say: Say) -> list[Mark]
         NotGradedError: the robot did not drive.
     """
     say(f"driving; then: {TITLES[fault]}")
-    async with _driving(exam, robot) as program:
+    async with driving(exam, robot) as program:
         if fault is Fault.STOPPED:
             program.let_go()  # the program must not find the key in its terminal when it continues
         at_s = await _inject(exam, robot, program, fault)
@@ -212,7 +223,7 @@ async def _pass(robot: Robot, duration_s: float) -> None:
 
 
 @asynccontextmanager
-async def _driving(exam: Exam, robot: Robot) -> AsyncGenerator[Program]:
+async def driving(exam: Exam, robot: Robot) -> AsyncGenerator[Program]:
     """Start the program and drive until the robot has its speed; afterwards, end the program and put the robot back.
 
     Raises:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from faults.grade.rubric import Rubric, Stopping
+from faults.measure import MOVING_M_S
 from lifeline.incidents.braking import Motion, braking
 
 WATCHED_S = 4.5
@@ -174,7 +175,7 @@ def _stopping(seen: Observed, limit: Stopping) -> tuple[float, str]:
 
 def _resuming(seen: Observed, rubric: Rubric) -> tuple[float, str]:
     moved_m = seen.distance_m + seen.again_m
-    if abs(seen.speed_m_s) > rubric.second.swing_m_s:
+    if abs(seen.speed_m_s) >= MOVING_M_S:
         return 0.0, f"the robot had not stopped while the program hung, and drove {cm(moved_m)} more"
     if moved_m > rubric.resumed.distance_m:
         return 0.0, f"the robot moved {cm(moved_m)} by itself, at up to {seen.fastest_m_s:.2f} m/s"

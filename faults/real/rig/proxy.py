@@ -143,7 +143,9 @@ async def carry(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, dire
 async def _main(hub: tuple[str, int], host: str, names: list[str]) -> None:
     ports = {name: int(port or 0) for name, _, port in (one.partition(":") for one in names)}
     links = {name: Link(hub) for name in ports}
-    print(json.dumps({name: await links[name].listen(host, port) for name, port in ports.items()}), flush=True)
+    print(
+        json.dumps({name: await links[name].listen(host, port) for name, port in ports.items()}), flush=True
+    )
 
     async def obey(order: dict[str, Any]) -> str:
         links[order.pop("link")].obey(order)
