@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import AsyncGenerator, Callable, Coroutine, Sequence
+from collections.abc import AsyncGenerator, Callable, Coroutine, Iterator, Sequence
 from contextlib import ExitStack, asynccontextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -119,13 +119,21 @@ async def _all(exam: Exam, directory: Path, say: Say) -> list[Mark]:
 
     say(f"starting {exam.setup}")
     async with running(exam.setup, directory) as robot:
-        for fault in Fault:
+        for fault in _counting(exam.rubric):
             if fault is Fault.UNPLUGGED and exam.setup.ros2:
                 await _unplugged(exam, directory, say, done)
             elif fault is not Fault.RESUMED:
                 for one in await _trial(exam, robot, fault, say):
                     done(one)
     return marks
+
+
+def _counting(rubric: Rubric) -> Iterator[Fault]:
+    """Yield the faults that have points; the program must hang before it can continue."""
+    for fault in Fault:
+        needed = (fault, Fault.RESUMED) if fault is Fault.STOPPED else (fault,)
+        if any(getattr(rubric, one).points for one in needed):
+            yield fault
 
 
 async def _unplugged(exam: Exam, directory: Path, say: Say, done: Callable[[Mark], None]) -> None:

@@ -154,7 +154,7 @@ def _judged(fault: Fault, seen: Observed, rubric: Rubric) -> tuple[float, str]:
             return _garbage(seen, rubric)
         case Fault.OBSTACLE:
             return _obstacle(seen, rubric)
-        case Fault.SECOND:
+        case _:
             return _second(seen)
 
 

@@ -21,10 +21,17 @@ from wire.text import printable
 LAST_CHARACTERS = 300
 REPEAT_S = 1.0 / 30.0
 """Of a held key: a usual value of a desktop."""
+LEADER = (
+    'trap : INT QUIT TSTP; news=$1; shift; sh -c "$0" "$news" "$@"; echo $? >>"$news"; exec sleep infinity'
+)
+CHILD = 'echo $$ >"$0"; exec "$@"'
+"""The shell commands of the session's leader and of the program; they write the program's pid and its exit code to a file."""
 
 
 class Program:
-    """A running instance of the program; it leads a session, and its terminal is the controlling terminal.
+    """A running instance of the program, in a session whose leader lives as long as the terminal.
+
+    As in a shell, the program is not the leader: the kernel would end what it started as soon as it is killed.
 
     Args:
         command: its command line.
@@ -43,10 +50,11 @@ class Program:
         self._unread = b""
         self._holding: asyncio.TimerHandle | None = None
         self._terminal, program_side = pty.openpty()
+        self._news = Path(f"{self._mark}news")
         try:
             fcntl.ioctl(program_side, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
-            self._child = subprocess.Popen(
-                ["setsid", "--ctty", *command],  # noqa: S607 - of util-linux; it replaces itself by the program
+            self._leader = subprocess.Popen(
+                ["setsid", "--ctty", "sh", "-c", LEADER, CHILD, str(self._news), *command],  # noqa: S607 - the system's
                 stdin=program_side,
                 stdout=program_side,
                 stderr=program_side,
@@ -60,9 +68,14 @@ class Program:
         os.set_blocking(self._terminal, False)
         self._loop.add_reader(self._terminal, self._on_output)
 
+    def _pid_and_code(self) -> list[int]:
+        """Return the program's pid once it has started, and then its exit code once it has ended."""
+        news = self._news.read_text() if self._news.exists() else ""
+        return [int(line) for line in news.splitlines()]
+
     @property
     def has_ended(self) -> bool:
-        return self._child.poll() is not None
+        return len(self._pid_and_code()) > 1 or self._leader.poll() is not None
 
     @property
     def has_printed(self) -> bool:
@@ -71,10 +84,10 @@ class Program:
     @property
     def end(self) -> str:
         """How it ended, with its last lines, for people."""
-        code = self._child.poll()
+        codes = self._pid_and_code()[1:]
         text = ESCAPE.sub("", self._screen.decode(errors="replace"))
         lines = [printable(line.strip()) for line in text.splitlines() if line.strip()]
-        how = "runs" if code is None else f"ended with code {code}"
+        how = f"ended with code {codes[0]}" if codes else "runs"
         return f"it {how}, and its last lines are: {' | '.join(lines[-3:])[-LAST_CHARACTERS:] or 'none'}"
 
     def type(self, data: bytes) -> None:
@@ -96,15 +109,19 @@ class Program:
         """Send a signal; return the time just before."""
         at_s = time.monotonic()
         with suppress(ProcessLookupError):
-            (os.killpg if self._whole_group else os.kill)(self._child.pid, number)
+            if self._whole_group:
+                os.killpg(self._leader.pid, number)
+            else:
+                os.kill(self._pid_and_code()[0], number)
         return at_s
 
     def close(self) -> None:
         """Kill the program and everything that it started, and close its terminal."""
         self.let_go()
+        with suppress(ProcessLookupError):
+            os.killpg(self._leader.pid, signal.SIGKILL)  # also what has cleared its environment
         leftovers.kill(self._mark)
-        self._child.kill()  # also if it has cleared its environment
-        self._child.wait()
+        self._leader.wait()
         self._loop.remove_reader(self._terminal)
         os.close(self._terminal)
 

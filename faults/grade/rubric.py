@@ -59,7 +59,7 @@ class Exam(Section):
 
 
 class Rubric(Section):
-    """Everything that decides the marks. Each table must be complete: a fault that does not count has `points = 0`."""
+    """Everything that decides the marks. Each table must be complete: a fault with `points = 0` is not injected."""
 
     exam: Exam
     killed: Stopping
