@@ -7,6 +7,7 @@ another endpoint, through a proxy that can be cut; a ROS 2 program reaches it by
 
 import asyncio
 import fcntl
+import math
 import os
 import signal
 import subprocess
@@ -34,6 +35,7 @@ from wire.bus import BusError, NoReplyError
 from wire.bus_config import DEFAULT_ENDPOINT, BusConfig
 from wire.host.state_directory import ENVIRONMENT
 from wire.messages import Point
+from wire.watchdog import BaseReason
 from wire.zenoh.bus import ZenohBus, open_bus
 from wire.zenoh.connect import Role
 from wire.zenoh.session import Push, RawPublisher
@@ -44,6 +46,9 @@ PROGRAM = "program"
 START_LIMIT_S, OPEN_LIMIT_S, RESET_LIMIT_S, CALL_LIMIT_S, END_LIMIT_S = 30.0, 10.0, 5.0, 1.0, 3.0
 POLL_S, PERIOD_S = 0.02, 0.02
 LOG_LINES = 4
+STALL_S = 0.1
+"""A robot whose motion is unknown for longer than this has not been observed."""
+FOLLOWS = list(BaseReason).index(BaseReason.OK)
 DOMAINS = range(30, 100)
 """ROS domains above those that people use by hand; from 102 on, the ports of a domain are those of outgoing connections."""
 CABLE_SUBNET = 78
@@ -149,6 +154,7 @@ class Robot:
         self._supervisor: ZenohBus | None = None
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._domain = 0
+        self._stalled_s = -math.inf
         self.motions: list[Motion] = []
         """The true motion since the last `clear`."""
 
@@ -350,8 +356,17 @@ class Robot:
 
     def look(self) -> list[Motion]:
         """Return the motion since the last `clear`."""
-        self.motions += [sample.motion for sample in self._wheels.take()]
+        for sample in self._wheels.take():
+            now_s = sample.motion.time_s
+            gap_s = now_s - self.motions[-1].time_s if self.motions else 0.0
+            if gap_s > STALL_S or (self._base is not None and sample.reason != FOLLOWS):
+                self._stalled_s = now_s
+            self.motions.append(sample.motion)
         return self.motions
+
+    def has_stalled(self, since_s: float) -> bool:
+        """Return whether the simulation stood still, or stopped by itself for lack of commands of this process."""
+        return self._stalled_s >= since_s
 
     def clear(self) -> None:
         self.look()
