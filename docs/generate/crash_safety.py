@@ -221,8 +221,8 @@ def ros2_table() -> str:
     first, last = origins[0], origins[-1]
     return (
         f"{markdown(read_ros2(ROS2))}\n"
-        f"`{first.command} --out docs/campaign/ros2_crash.jsonl`, {first.date} to {last.date}, {first.machine}, "
-        f"commits {first.commit} to {last.commit}."
+        f"docs/campaign/ros2_crash.jsonl, {first.date} to {last.date}, {first.machine}, "
+        f"commits {first.commit} to {last.commit}, by the program that `lifeline grade --ros2` replaces."
     )
 
 

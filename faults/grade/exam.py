@@ -121,7 +121,7 @@ async def _all(exam: Exam, directory: Path, say: Say) -> list[Mark]:
 
     say(f"starting {exam.setup}")
     async with running(exam.setup, directory) as robot:
-        for fault in _counting(exam.rubric):
+        for fault in counting(exam.rubric):
             if fault is Fault.UNPLUGGED and exam.setup.ros2:
                 await _unplugged(exam, directory, say, done)
             elif fault is not Fault.RESUMED:
@@ -130,7 +130,7 @@ async def _all(exam: Exam, directory: Path, say: Say) -> list[Mark]:
     return marks
 
 
-def _counting(rubric: Rubric) -> Iterator[Fault]:
+def counting(rubric: Rubric) -> Iterator[Fault]:
     """Yield the faults that have points; the program must hang before it can continue."""
     for fault in Fault:
         needed = (fault, Fault.RESUMED) if fault is Fault.STOPPED else (fault,)
@@ -205,13 +205,13 @@ async def _inject(exam: Exam, robot: Robot, program: Program, fault: Fault) -> f
             program.type(GARBAGE)
         case Fault.OBSTACLE:
             ahead_m = HULL_RADIUS_M + exam.rubric.obstacle.ahead_m + PILLAR_RADIUS_M
-            robot.place_pillar(*_ahead(robot.look(), ahead_m))
+            robot.place_pillar(*place_ahead(robot.look(), ahead_m))
         case Fault.SECOND:
             robot.second = robot.start_program(exam.command, whole_group=exam.whole_group)
     return at_s
 
 
-def _ahead(motions: Sequence[Motion], ahead_m: float) -> tuple[float, float]:
+def place_ahead(motions: Sequence[Motion], ahead_m: float) -> tuple[float, float]:
     """Return a place ahead of the robot, in the direction of its last travel."""
     now = motions[-1]
     for before in reversed(motions):
@@ -305,18 +305,18 @@ def _speed_m_s(robot: Robot) -> float:
     return motions[-1].linear_m_s if motions else 0.0
 
 
-def _is_steady(robot: Robot) -> bool:
-    """Return whether the robot has moved at one speed for a while."""
-    motions = robot.look()
-    since_s = motions[-1].time_s - STEADY_S if motions else 0.0
+def is_steady(motions: Sequence[Motion]) -> bool:
+    """Return whether the robot has moved forward at one speed for `STEADY_S`."""
+    if not motions or motions[-1].time_s - motions[0].time_s < STEADY_S:
+        return False
+    since_s = motions[-1].time_s - STEADY_S
     speeds_m_s = [motion.linear_m_s for motion in motions if motion.time_s >= since_s]
-    is_moving = bool(speeds_m_s) and min(speeds_m_s) > MOVING_M_S
-    return is_moving and max(speeds_m_s) - min(speeds_m_s) < STEADY_M_S
+    return min(speeds_m_s) > MOVING_M_S and max(speeds_m_s) - min(speeds_m_s) < STEADY_M_S
 
 
 async def _by_itself(robot: Robot, program: Program) -> None:
     """Wait until a program without keys drives at a steady speed."""
-    while not _is_steady(robot):
+    while not is_steady(robot.look()):
         await _step(robot, program, LOOK_S)
 
 
@@ -328,7 +328,7 @@ async def _by_keys(exam: Exam, robot: Robot, program: Program) -> None:
         await _step(robot, program, LOOK_S)
 
     def is_fast() -> bool:
-        return _speed_m_s(robot) >= wanted_m_s or _is_steady(robot)
+        return _speed_m_s(robot) >= wanted_m_s or is_steady(robot.look())
 
     while True:
         program.let_go()
