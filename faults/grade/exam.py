@@ -164,9 +164,10 @@ async def _trial(exam: Exam, robot: Robot, fault: Fault, say: Say) -> list[Mark]
         say(f"driving; then: {TITLES[fault]}")
         marks, is_sound = await _tried(exam, robot, fault)
         if is_sound:
-            break
-        say(f"the machine was too busy for this measurement{'; again' if tries_left else ''}")
-    return marks
+            return marks
+        if tries_left:
+            say("the machine was too busy for this measurement; again")
+    return [replace(one, sentence=f"{one.sentence} (on a machine that was too busy)") for one in marks]
 
 
 async def _tried(exam: Exam, robot: Robot, fault: Fault) -> tuple[list[Mark], bool]:

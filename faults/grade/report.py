@@ -123,6 +123,6 @@ def drawing(curve: Sequence[tuple[float, float]]) -> str:
             yield f'<text x="{x_px(second):.1f}" y="{TOP_PX + HEIGHT_PX + 16}">{second} s</text>'
         yield f'<path class="fault" d="M{x_px(0.0):.1f} {TOP_PX}v{HEIGHT_PX}"/>'
         line = "L".join(f"{x_px(time_s):.1f} {y_px(speed):.1f}" for time_s, speed in curve)
-        yield f'<path class="speed" d="M{line}"/><text x="{LEFT_PX + 4}" y="{TOP_PX + 4}">m/s</text></svg>'
+        yield f'<path class="speed" d="M{line}"/><text x="0" y="{TOP_PX + HEIGHT_PX / 2:.0f}">m/s</text></svg>'
 
     return "".join(parts())
