@@ -1,12 +1,11 @@
-"""The command `lifeline grade`: its orders, its network, and the files that it writes."""
+"""The command `lifeline grade`: what it refuses, its network, and the files that it writes."""
 
 import json
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 from pydantic import TypeAdapter, ValidationError
 from rich.console import Console
@@ -15,88 +14,75 @@ from deploy.stack.errors import DeployError
 from deploy.stack.takedown import Say
 from faults.grade import report, rubric
 from faults.grade.exam import Exam, grade
-from faults.grade.robot import Setup
 from faults.real.rig.cable import why_not
 from faults.trial_file import provenance_of_this_command
+from wire import tls
 from wire.foreign import read_text
 from wire.host.config import Endpoint
 
+MAX_KEYS = 40
 MIN_WIDTH = 110
 """Width of the table in columns if the output is not a terminal."""
 ISOLATED = "LIFELINE_ISOLATED"
 """The variable that is set inside the network namespace."""
 
 
-@dataclass(frozen=True)
-class Orders:
-    """The options of the command."""
+class Files(NamedTuple):
+    """What the command writes."""
 
-    command: tuple[str, ...]
-    keys: str
-    stop_key: str
-    hold: bool
-    ros2: bool
-    lifeline: bool
-    whole_group: bool
-    timeout_s: float | None
-    endpoint: str
-    rubric: Path | None
     html: Path | None
     junit: Path | None
     json: Path | None
-
-    def check(self) -> None:
-        """Refuse orders that contradict each other.
-
-        Raises:
-            DeployError: they do.
-        """
-        if not self.command:
-            raise DeployError(
-                "there is no program to grade: give its command after --, such as -- python teleop.py"
-            )
-        if self.hold and not self.keys:
-            raise DeployError("--hold needs --keys: name the key to hold")
-        if self.lifeline and self.timeout_s is not None:
-            raise DeployError("--base-timeout is for a robot alone: leave out --through-lifeline")
-        try:
-            TypeAdapter(Endpoint).validate_python(self.endpoint)
-        except ValidationError as error:
-            raise DeployError(f"--endpoint {self.endpoint}: {error.errors()[0]['msg']}") from error
-        if not self.endpoint.startswith("tcp/"):
-            raise DeployError("--endpoint must be tcp/HOST:PORT: the robot has no certificate")
-        for path in (self.html, self.junit, self.json):
-            if path is not None and not path.absolute().parent.is_dir():
-                raise DeployError(f"the directory of {path} does not exist: create it first")
 
 
 def default_rubric() -> str:
     return read_text(rubric.DEFAULT)
 
 
-def run(orders: Orders, say: Say) -> int:
+def check(exam: Exam, files: Files) -> None:
+    """Refuse orders that contradict each other or cannot be followed.
+
+    Raises:
+        DeployError: they are refused.
+    """
+    setup = exam.setup
+    if not exam.command:
+        raise DeployError(
+            "there is no program to grade: give its command after --, such as -- python teleop.py"
+        )
+    if setup.hold and not exam.keys:
+        raise DeployError("--hold needs --keys: name the key to hold")
+    if max(len(exam.keys), len(exam.stop_key)) > MAX_KEYS:
+        raise DeployError(f"--keys and --stop-key have at most {MAX_KEYS} keys")
+    if setup.lifeline and setup.timeout_s is not None:
+        raise DeployError("--base-timeout is for a robot alone: leave out --through-lifeline")
+    try:
+        TypeAdapter(Endpoint).validate_python(setup.endpoint)
+    except ValidationError as error:
+        raise DeployError(f"--endpoint {setup.endpoint}: {error.errors()[0]['msg']}") from error
+    if not (setup.endpoint.startswith("tcp/") and tls.is_loopback(setup.endpoint)):
+        raise DeployError(
+            "--endpoint must be of this machine, such as tcp/127.0.0.1:7448: it has no certificate"
+        )
+    for path in files:
+        if path is not None and not path.absolute().parent.is_dir():
+            raise DeployError(f"the directory of {path} does not exist: create it first")
+
+
+def run(exam: Exam, files: Files, say: Say) -> int:
     """Grade the program, write the files, and print the table; return 0 if it passed, else 1.
 
     Raises:
         DeployError: the orders are invalid, the program could not be graded, or a file cannot be written.
     """
-    orders.check()
-    points = rubric.read(orders.rubric)
-    if orders.ros2 and ISOLATED not in os.environ and why_not() is None:
+    check(exam, files)
+    if exam.setup.ros2 and ISOLATED not in os.environ and why_not() is None:
         isolate()
-    setup = Setup(
-        endpoint=orders.endpoint,
-        lifeline=orders.lifeline,
-        timeout_s=orders.timeout_s,
-        ros2=orders.ros2,
-        hold=orders.hold,
-    )
-    exam = Exam(orders.command, setup, points, orders.keys, orders.stop_key, orders.whole_group)
+    origin = provenance_of_this_command().model_dump()
     found = grade(exam, say)
-    _write(orders.html, lambda: report.page(found))
-    _write(orders.junit, lambda: report.junit(found))
-    run_of = provenance_of_this_command().model_dump()
-    _write(orders.json, lambda: json.dumps({"run": run_of, **report.as_json(found)}) + "\n")
+    _write(files.html, lambda: report.page(found))
+    _write(files.junit, lambda: report.junit(found))
+    _write(files.json, lambda: json.dumps({"run": origin, **report.as_json(found)}) + "\n")
     console = Console()
     if not console.is_terminal:
         console = Console(width=MIN_WIDTH)

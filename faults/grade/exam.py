@@ -323,7 +323,7 @@ async def _by_itself(robot: Robot, program: Program) -> None:
 
 async def _by_keys(exam: Exam, robot: Robot, program: Program) -> None:
     """Press keys until the robot has the wanted speed, or the highest one of this program; or hold the last of them."""
-    keys, wanted_m_s = exam.keys.encode(), ALMOST * exam.rubric.exam.drive_m_s
+    keys, wanted_m_s = os.fsencode(exam.keys), ALMOST * exam.rubric.exam.drive_m_s
     started_s = time.monotonic()
     while not program.has_printed and time.monotonic() < started_s + FIRST_OUTPUT_S:
         await _step(robot, program, LOOK_S)
@@ -333,7 +333,7 @@ async def _by_keys(exam: Exam, robot: Robot, program: Program) -> None:
 
     while True:
         program.let_go()
-        program.type(exam.stop_key.encode())
+        program.type(os.fsencode(exam.stop_key))
         await _step(robot, program, PAUSE_S)
         if exam.setup.hold:
             program.type(keys[:-1])

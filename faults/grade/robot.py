@@ -14,7 +14,7 @@ import subprocess
 import sys
 import time
 from collections.abc import AsyncGenerator, Callable, Generator, Sequence
-from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
+from contextlib import AsyncExitStack, ExitStack, asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,6 +53,8 @@ DOMAINS = range(30, 100)
 """ROS domains above those that people use by hand; from 102 on, the ports of a domain are those of outgoing connections."""
 CABLE_SUBNET = 78
 SOURCE = topics.TELEOP
+ROS_ROBOT, ROS_READY = "ros_robot", "ready"
+"""The robot's node, and what it prints once it runs; its module cannot be imported without rclpy."""
 ROS_TOPIC = f"/{SOURCE}/cmd_vel"
 HOLD_S = 0.6
 """Behind a supervisor, a program that publishes only while its key repeats is held for this time (docs/ros2.md)."""
@@ -222,7 +224,8 @@ class Robot:
         """Start the robot's node, and in front of it supervisor and ROS 2 process."""
         setup, python = self.setup, self.ros_python
         node = [str(python), "-m", "faults.grade.ros_robot", self._to_program, str(self._domain)]
-        self._run("ros_robot", node, self.ros_variables)
+        self._run(ROS_ROBOT, node, self.ros_variables)
+        await self._ready(lambda: ROS_READY in self._log(ROS_ROBOT).read_text(errors="replace"), ROS_ROBOT)
         if not setup.lifeline:
             return
         config, hub = self._directory / "robot.toml", free_loopback_endpoint()
@@ -355,7 +358,14 @@ class Robot:
     # --- the world
 
     def look(self) -> list[Motion]:
-        """Return the motion since the last `clear`."""
+        """Return the motion since the last `clear`.
+
+        Raises:
+            DeployError: a process of the robot has ended.
+        """
+        ended = [name for name, process in self._processes.items() if process.poll() is not None]
+        if ended:
+            raise DeployError(f"{' and '.join(ended)} ended by itself{self._logs()}")
         for sample in self._wheels.take():
             now_s = sample.motion.time_s
             gap_s = now_s - self.motions[-1].time_s if self.motions else 0.0
@@ -452,10 +462,11 @@ def _ros_domain() -> Generator[int]:
     """
     first = os.getpid() % len(DOMAINS)
     for domain in [*DOMAINS[first:], *DOMAINS[:first]]:
-        with Path(f"/tmp/lifeline-ros-domain-{domain}").open("w") as claim:  # noqa: S108 - all users share the domains
+        with ExitStack() as ending:
             try:
+                claim = ending.enter_context(Path(f"/tmp/lifeline-ros-domain-{domain}").open("w"))  # noqa: S108 - all users share the domains
                 fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
+            except OSError:  # also if another user claims it
                 continue
             yield domain
             return

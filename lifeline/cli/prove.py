@@ -207,21 +207,10 @@ def grade(
         print(grading.default_rubric(), end="")
         return 0
     require("sim")
-    return grading.run(
-        grading.Orders(
-            command=tuple(program or ()),
-            keys=keys,
-            stop_key=stop_key,
-            hold=hold,
-            ros2=ros2,
-            lifeline=through_lifeline,
-            whole_group=whole_group,
-            timeout_s=base_timeout,
-            endpoint=endpoint,
-            rubric=rubric,
-            html=html,
-            junit=junit,
-            json=json,
-        ),
-        note,
-    )
+    from faults.grade.exam import Exam
+    from faults.grade.robot import Setup
+    from faults.grade.rubric import read
+
+    setup = Setup(endpoint, lifeline=through_lifeline, timeout_s=base_timeout, ros2=ros2, hold=hold)
+    exam = Exam(tuple(program or ()), setup, read(rubric), keys, stop_key, whole_group)
+    return grading.run(exam, grading.Files(html, junit, json), note)

@@ -102,7 +102,9 @@ def test_a_program_that_ends_cannot_be_graded_and_its_last_lines_say_why(tmp_pat
     [
         (["--hold"], "--hold needs --keys"),
         (["--through-lifeline", "--base-timeout", "1"], "--base-timeout is for a robot alone"),
-        (["--endpoint", "quic/127.0.0.1:7447"], "must be tcp/HOST:PORT"),
+        (["--endpoint", "quic/127.0.0.1:7447"], "must be of this machine"),
+        (["--endpoint", "tcp/0.0.0.0:7447"], "must be of this machine"),
+        (["--keys", "w" * 41], "at most 40 keys"),
         (["--endpoint", "nowhere"], "expected PROTOCOL/HOST:PORT"),
         (["--json", "/nowhere/grade.json"], "the directory of /nowhere/grade.json does not exist"),
         (["--rubric", "/nowhere.toml"], "cannot read the rubric"),
