@@ -284,10 +284,14 @@ def _never_moved(exam: Exam, robot: Robot, program: Program) -> str:
         what = f"the robot did not reach a steady speed ({fastest_m_s:.2f} m/s at most) within {DRIVE_LIMIT_S:g} s"
     else:
         what = f"the robot did not move within {DRIVE_LIMIT_S:g} s"
-    hints = "" if exam.setup.ros2 else ", give --ros2 if the program is a ROS 2 node"
-    keys = "" if exam.keys else ", give --keys if it is driven by keys"
-    where = "" if exam.setup.ros2 else f", and connect it to {exam.setup.endpoint}"
-    return f"the program could not be graded: {what}{hints}{keys}{where}; {program.end}"
+    advice = (
+        []
+        if exam.setup.ros2
+        else [f"connect it to {exam.setup.endpoint}", "give --ros2 if it is a ROS 2 node"]
+    )
+    advice += [] if exam.keys else ["give --keys if it is driven by keys"]
+    todo = f": {', '.join(advice)}" if advice else ""
+    return f"the program could not be graded: {what}{todo}; {program.end}"
 
 
 async def _step(robot: Robot, program: Program, duration_s: float) -> None:
