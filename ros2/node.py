@@ -57,17 +57,20 @@ class RosNode:
     Args:
         domain_id: the ROS domain.
         on_failure: called on any thread with an exception of a callback; it must end the process.
+        name: of the node.
     """
 
     discovery = "discovery"
 
-    def __init__(self, domain_id: int, on_failure: Callable[[BaseException], None]) -> None:
+    def __init__(
+        self, domain_id: int, on_failure: Callable[[BaseException], None], *, name: str = "lifeline"
+    ) -> None:
         self._on_failure = on_failure
         # The process handles its signals itself (wire/host/process.py).
         rclpy.init(args=[], domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO)
         # Fewer entities: each one costs time at every wake-up of the executor.
-        self._node = Node("lifeline", start_parameter_services=False, enable_rosout=False)
-        self._services = Node("lifeline_services", start_parameter_services=False, enable_rosout=False)
+        self._node = Node(name, start_parameter_services=False, enable_rosout=False)
+        self._services = Node(f"{name}_services", start_parameter_services=False, enable_rosout=False)
 
     def start(self) -> None:
         """Begin to receive; call it after all declarations."""

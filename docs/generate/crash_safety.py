@@ -18,11 +18,11 @@ from functools import cache
 from pathlib import Path
 
 from bench.rig.stored import read_appended
-from bench.ros2_crash.trial import markdown, read_origins
-from bench.ros2_crash.trial import read as read_ros2
 from bench.soak import Sample, judge, warm_up_s
 from deploy.stack.errors import DeployError
 from docs.generate import sections
+from docs.generate.ros2_crash import markdown, read_origins
+from docs.generate.ros2_crash import read as read_ros2
 from faults.classes import BY_NAME
 from faults.promises import PROMISES
 from faults.report.figures import Campaign, ClassFigures, Spread
@@ -221,8 +221,8 @@ def ros2_table() -> str:
     first, last = origins[0], origins[-1]
     return (
         f"{markdown(read_ros2(ROS2))}\n"
-        f"`{first.command} --out docs/campaign/ros2_crash.jsonl`, {first.date} to {last.date}, {first.machine}, "
-        f"commits {first.commit} to {last.commit}."
+        f"docs/campaign/ros2_crash.jsonl, {first.date} to {last.date}, {first.machine}, "
+        f"commits {first.commit} to {last.commit}, by the program that `lifeline grade --ros2` replaces."
     )
 
 

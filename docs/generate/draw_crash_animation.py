@@ -9,10 +9,11 @@ the hall are simulated. docs/campaign/crash_film.jsonl has the robot's true pose
 """
 
 import argparse
+import asyncio
 import itertools
 import math
+import signal
 import sys
-import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -24,16 +25,18 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from bench.rig.stored import FOLDER, read_rows, rows_of, this_run, write_rows
-from bench.ros2_crash.stage import AT_REST_M_S, Stage, at_speed, stage
-from bench.ros2_crash.trial import Fault, Robot, Setup, Teleop
+from deploy.stack.errors import DeployError
 from docs.generate.palette import DANGER, GOOD
+from faults.grade import rubric
+from faults.grade.exam import Exam, NotGradedError, driving, in_directory
+from faults.grade.robot import Robot, Setup, running
+from lifeline.incidents.braking import Motion
 from sim import mj
 from sim.config import Build
 from sim.gl import NoGlError, choose
 from sim.plant import Plant
 from sim.render import Studio, View
 from sim.video import OutputError, Pixels, write
-from tests.ros2.host import ROS_PYTHON
 
 SCENE = Path(__file__).with_name("crash.toml")
 DRIVES = FOLDER / "crash_film.jsonl"
@@ -41,14 +44,17 @@ IMAGE = Path(__file__).parents[1] / "images" / "crash.webp"
 ALONE, LIFELINE = "alone", "lifeline"
 LABELS = {ALONE: "a robot that keeps its last command", LIFELINE: "with Lifeline"}
 
-SPEED_M_S, KEYS = 0.8, "w" * 8
+SPEED_M_S, AT_REST_M_S = 0.8, 0.005
+NODE = ("python", "-m", "tests.ros2.peers.lab_teleop")
 KILL_X_M = 0.8
 """2.25 m before the hull would touch the rack: there, Lifeline does not yet limit the speed."""
 BEFORE_S, AFTER_S = 1.0, 4.0
 """The recorded time before and after SIGKILL."""
 TRIES, REACH_LIMIT_S = 10, 12.0
+LOOK_S, EVERY = 0.02, 2
+"""The poses of the film are every second one of the robot's."""
 GAP_LIMIT_S = 0.06
-"""Three periods of the poses; a drive with a longer gap is repeated."""
+"""Three periods of these poses; a drive with a longer gap is repeated."""
 
 FPS, HOLD_S, AFTER_HIT_S, FLASH_S = 15.0, 1.5, 0.7, 0.3
 WIDTH, HEIGHT, GAP = 478, 360, 4
@@ -97,11 +103,15 @@ class End(NamedTuple):
     colour: str
 
 
+class UnfitDriveError(Exception):
+    """A drive that is not filmed."""
+
+
 def measure() -> None:
     """Drive without and with Lifeline, and store the poses.
 
     Raises:
-        AssertionError: a process does not start, or the robot does not drive.
+        DeployError: a process does not start, or the robot does not drive.
     """
     rows = [row for half in LABELS for row in rows_of(half, drive(lifeline=half == LIFELINE), digits=4)]
     write_rows(DRIVES, this_run("python -m docs.generate.draw_crash_animation --drive"), rows)
@@ -109,40 +119,55 @@ def measure() -> None:
 
 def drive(*, lifeline: bool) -> list[Pose]:
     """Drive until the robot reaches the place of SIGKILL at its speed, kill the node there, and return the poses."""
-    setup = Setup(Robot.KEEPS, lifeline, cable=False)
-    with tempfile.TemporaryDirectory() as logs, stage(setup, Path(logs), scene=str(SCENE)) as made:
-        for number in range(1, TRIES + 1):
-            try:
-                return _drive(made)
-            except AssertionError as error:
-                # On a busy machine, poses are late, and Lifeline stops the robot when a process is.
-                print(f"drive {number}: {error}", file=sys.stderr)
-    raise AssertionError(f"no drive of {TRIES} reached the place of SIGKILL at its speed")
+    points = rubric.read(None)
+    fast = points.model_copy(update={"exam": points.exam.model_copy(update={"drive_m_s": SPEED_M_S})})
+    exam = Exam(NODE, Setup(lifeline=lifeline, ros2=True, scene=str(SCENE)), fast, keys="w", stop_key="s")
+
+    async def play(directory: Path) -> list[Pose]:
+        async with running(exam.setup, directory) as robot:
+            for number in range(1, TRIES + 1):
+                try:
+                    return await _drive(exam, robot)
+                except (NotGradedError, UnfitDriveError) as error:
+                    # On a busy machine, poses are late, and Lifeline stops the robot when a process is.
+                    print(f"drive {number}: {error}", file=sys.stderr)
+        raise DeployError(f"no drive of {TRIES} reached the place of SIGKILL at its speed")
+
+    return in_directory(play)
 
 
-def _drive(made: Stage) -> list[Pose]:
-    """Drive once; afterwards, the robot is back at its start."""
-    observer = made.observer
-    with made.operator(Teleop.LAB) as node, at_speed(made, node, Teleop.LAB, KEYS, SPEED_M_S):
-        observer.until(
-            lambda line: line.get("x", -math.inf) >= KILL_X_M,
-            "the place of SIGKILL",
-            after=len(observer.lines),
-            within_s=REACH_LIMIT_S,
-        )
-        killed_ns = time.monotonic_ns()
-        made.inject(Fault.KILL, node)
-        begin_ns, end_ns = killed_ns - round(BEFORE_S * 1e9), killed_ns + round(AFTER_S * 1e9)
-        before = observer.of("odom", from_ns=begin_ns)
-        assert min(line["v"] for line in before) > 0.95 * SPEED_M_S, "not at its speed before SIGKILL"
-        observer.until(lambda line: line["at_ns"] >= end_ns, "the end", after=len(observer.lines))
-        poses = [
-            Pose((line["at_ns"] - killed_ns) / 1e9, line["x"], line["y"], line["yaw"], line["v"])
-            for line in observer.of("odom", from_ns=begin_ns)
+async def _drive(exam: Exam, robot: Robot) -> list[Pose]:
+    """Drive once; afterwards, the robot is back at its start.
+
+    Raises:
+        UnfitDriveError: it is not filmed.
+    """
+    async with driving(exam, robot) as node:
+        late_s = time.monotonic() + REACH_LIMIT_S
+        while robot.look()[-1].x_m < KILL_X_M:
+            if time.monotonic() > late_s:
+                raise UnfitDriveError("the place of SIGKILL was not reached")
+            await asyncio.sleep(LOOK_S)
+        killed_s = node.send(signal.SIGKILL)
+        await asyncio.sleep(AFTER_S)
+        poses = [pose for pose in _poses(robot.look(), killed_s) if -BEFORE_S <= pose.time_s <= AFTER_S][
+            ::EVERY
         ]
+    if min(pose.speed_m_s for pose in poses if pose.time_s < 0.0) < 0.95 * SPEED_M_S:
+        raise UnfitDriveError("not at its speed before SIGKILL")
     longest_s = max(after.time_s - before.time_s for before, after in itertools.pairwise(poses))
-    assert longest_s < GAP_LIMIT_S, f"no pose for {longest_s:.3f} s"
+    if longest_s > GAP_LIMIT_S:
+        raise UnfitDriveError(f"no pose for {longest_s:.3f} s")
     return poses
+
+
+def _poses(motions: Sequence[Motion], killed_s: float) -> Iterator[Pose]:
+    """Yield the poses of a robot that faced along x at first; its heading is the integral of its turn rate."""
+    yaw_rad, before = 0.0, motions[0]
+    for one in motions:
+        yaw_rad += one.angular_rad_s * (one.time_s - before.time_s)
+        before = one
+        yield Pose(one.time_s - killed_s, one.x_m, one.y_m, yaw_rad, one.linear_m_s)
 
 
 def read() -> dict[str, Drive]:
@@ -246,14 +271,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m docs.generate.draw_crash_animation")
     parser.add_argument("--drive", action="store_true", help="measure both drives again; needs `make ros2`")
     options = parser.parse_args()
-    if options.drive and not ROS_PYTHON.exists():
-        parser.error("--drive needs the environment .ros2: run `make ros2`")
     try:
         if options.drive:
             measure()
         choose()
         write(IMAGE, frames(read()), FPS)
-    except (AssertionError, NoGlError, OutputError) as error:
+    except (DeployError, NoGlError, OutputError) as error:
         print(f"The animation cannot be drawn: {str(error).rstrip('.')}.", file=sys.stderr)
         return 1
     return 0

@@ -17,12 +17,12 @@ import numpy as np
 
 from bench.rig.stored import read_appended, read_rows
 from bench.robots.results import read as read_robots
-from bench.ros2_crash.trial import LIMIT_S, Fault, Robot
-from bench.ros2_crash.trial import read as read_ros2
 from bench.soak import Sample
 from docs.generate import sections
 from docs.generate.crash_safety import ROS2, SOAK, result
 from docs.generate.draw_crash_animation import DRIVES, SPEED_M_S
+from docs.generate.ros2_crash import LIMIT_S, Fault, Robot
+from docs.generate.ros2_crash import read as read_ros2
 from faults.report.figures import Campaign, Spread
 
 DOCUMENT = sections.ROOT / "README.md"

@@ -1,4 +1,7 @@
-"""The commands that check a configuration, judge a recording and prove the promises: check, judge, demo, faults, fault-report."""
+"""The commands that check a configuration, judge a recording, prove the promises and grade programs.
+
+check, judge, demo, faults, fault-report, grade.
+"""
 
 import sys
 from pathlib import Path
@@ -182,3 +185,86 @@ def fault_report(
 
     written = write_report(files, html)
     answer(written._asdict(), written.sentence, as_json=as_json)
+
+
+@command(app, context_settings={"allow_interspersed_args": False})
+def grade(
+    *,
+    program: Annotated[
+        list[str] | None,
+        argument(
+            "CMD", "After --: the program and its arguments. {endpoint} stands for the robot's endpoint."
+        ),
+    ] = None,
+    keys: Annotated[
+        str,
+        option(
+            "--keys", "KEYS", "Keys that make the robot drive forward. Default: the program drives by itself."
+        ),
+    ] = "",
+    hold: Annotated[
+        bool,
+        typer.Option("--hold", help="Hold the last of the keys until the fault, instead of pressing them."),
+    ] = False,
+    stop_key: Annotated[
+        str, option("--stop-key", "KEY", "Key to press before each attempt to drive. Default: none.")
+    ] = "",
+    ros2: Annotated[
+        bool,
+        typer.Option(
+            "--ros2", help="The program is a ROS 2 node that publishes /cmd_vel; needs `make ros2`."
+        ),
+    ] = False,
+    through_lifeline: Annotated[
+        bool, typer.Option("--through-lifeline", help="Put Lifeline's supervisor between program and robot.")
+    ] = False,
+    whole_group: Annotated[
+        bool,
+        typer.Option(
+            "--group", help="Kill and stop also what the program started, such as a node of `ros2 run`."
+        ),
+    ] = False,
+    base_timeout: Annotated[
+        float | None,
+        option(
+            "--base-timeout",
+            "SECONDS",
+            "The robot stops without commands after this time. Default: it keeps the last command.",
+            min=0.05,
+            max=10.0,
+        ),
+    ] = None,
+    endpoint: Annotated[
+        str, option("--endpoint", "tcp/HOST:PORT", "Where a Zenoh program finds the robot.")
+    ] = "tcp/127.0.0.1:7447",
+    rubric: Annotated[
+        Path | None, option("--rubric", "FILE.toml", "Points and limits. Default: those of --print-rubric.")
+    ] = None,
+    print_rubric: Annotated[
+        bool, typer.Option("--print-rubric", help="Print the default rubric and exit.")
+    ] = False,
+    html: Annotated[
+        Path | None, option("--html", "FILE", "Write a page with the speed of the robot around each fault.")
+    ] = None,
+    junit: Annotated[Path | None, option("--junit", "FILE", "Write the marks as JUnit XML.")] = None,
+    json: Annotated[
+        Path | None, option("--json", "FILE", "Write the marks and measurements as JSON.")
+    ] = None,
+) -> int:
+    """Grade a teleop program: kill, stop, unplug and disturb it while it drives the simulated robot.
+
+    Exit 0 if the program passed, 1 if it did not, 2 if it could not be graded.
+    """
+    from faults.grade import command as grading
+
+    if print_rubric:
+        print(grading.default_rubric(), end="")
+        return 0
+    require("sim")
+    from faults.grade.exam import Exam
+    from faults.grade.robot import Setup
+    from faults.grade.rubric import read
+
+    setup = Setup(endpoint, lifeline=through_lifeline, timeout_s=base_timeout, ros2=ros2, hold=hold)
+    exam = Exam(tuple(program or ()), setup, read(rubric), keys, stop_key, whole_group)
+    return grading.run(exam, grading.Files(html, junit, json), note)

@@ -1,8 +1,8 @@
 """A TCP link that can be cut, healed and slowed down, in a process of its own: `python -m faults.real.rig.proxy`.
 
-    python -m faults.real.rig.proxy HUB_HOST HUB_PORT LISTEN_HOST NAME…
+    python -m faults.real.rig.proxy HUB_HOST HUB_PORT LISTEN_HOST NAME[:PORT]…
 
-prints one line of JSON with the port of each named link, and then takes orders on stdin, one JSON object per line:
+prints one line of JSON with the port of each named link, by default a free one, and then takes orders on stdin, one JSON object per line:
 
     {"link": "teleop", "up": false, "down": true, "delay_s": [0.05, 0.5]}
 
@@ -54,9 +54,9 @@ class Link:
         self._server: asyncio.Server | None = None
         self._connections: set[asyncio.Task[None]] = set()
 
-    async def listen(self, host: str) -> int:
-        """The port on which it listens."""
-        self._server = await asyncio.start_server(self._on_connection, host, 0, limit=CHUNK_BYTES)
+    async def listen(self, host: str, port: int = 0) -> int:
+        """Listen, by default on a free port; return the port."""
+        self._server = await asyncio.start_server(self._on_connection, host, port, limit=CHUNK_BYTES)
         return self._server.sockets[0].getsockname()[1]
 
     def obey(self, order: dict[str, Any]) -> None:
@@ -141,8 +141,11 @@ async def carry(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, dire
 
 
 async def _main(hub: tuple[str, int], host: str, names: list[str]) -> None:
-    links = {name: Link(hub) for name in names}
-    print(json.dumps({name: await link.listen(host) for name, link in links.items()}), flush=True)
+    ports = {name: int(port or 0) for name, _, port in (one.partition(":") for one in names)}
+    links = {name: Link(hub) for name in ports}
+    print(
+        json.dumps({name: await links[name].listen(host, port) for name, port in ports.items()}), flush=True
+    )
 
     async def obey(order: dict[str, Any]) -> str:
         links[order.pop("link")].obey(order)

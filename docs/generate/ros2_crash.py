@@ -1,27 +1,23 @@
-"""The cases, the trials with their file, and the table.
+"""Stored trials of keyboard nodes that drive a ROS 2 robot at 0.5 m/s: docs/campaign/ros2_crash.jsonl, and their table.
 
-The file has a line for each trial, and one after each run that says where and when it was measured.
+The file has a line for each trial, and one after each run that says where and when it was measured. The command of those runs was
+replaced by `lifeline grade --ros2`, which injects the same faults into any program.
 """
 
 import itertools
-import json
 import math
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
 from bench.rig.stored import read_appended
-from deploy.stack.errors import DeployError
 from faults.report.statistics import quantile
 from faults.trial import Provenance
 
-SPEED_M_S = 0.5
 LIMIT_S = 5.0
 """Time after the fault until which a robot can still stop; after that, it counts as not stopped."""
-BLOCK = 5
-"""Number of trials of each case that run before the setup changes."""
 
 
 class Teleop(StrEnum):
@@ -45,19 +41,6 @@ class Robot(StrEnum):
     KEEPS = "keeps the last command"
     TIMEOUT = "stops after 0.5 s"
 
-    @property
-    def timeout_s(self) -> float | None:
-        return 0.5 if self is Robot.TIMEOUT else None
-
-
-@dataclass(frozen=True)
-class Setup:
-    """The processes that consecutive trials share."""
-
-    robot: Robot
-    lifeline: bool
-    cable: bool
-
 
 @dataclass(frozen=True)
 class Case:
@@ -67,10 +50,6 @@ class Case:
     fault: Fault
     robot: Robot
     lifeline: bool
-
-    @property
-    def setup(self) -> Setup:
-        return Setup(self.robot, self.lifeline, self.fault is Fault.UNPLUG)
 
 
 @dataclass(frozen=True)
@@ -92,42 +71,20 @@ class Trial(Case):
     def case(self) -> Case:
         return Case(self.teleop, self.fault, self.robot, self.lifeline)
 
-    def line(self) -> str:
-        """Return one line of JSON without the newline."""
-        return json.dumps(asdict(self))
-
 
 def cases(teleops: Iterable[Teleop], faults: Iterable[Fault]) -> list[Case]:
     """Return all combinations, for both robots, without and with Lifeline."""
     return [Case(*one) for one in itertools.product(teleops, faults, Robot, (False, True))]
 
 
-def missing(wanted: Sequence[Case], count: int, done: Iterable[Trial]) -> list[tuple[Case, int]]:
-    """Return the trials that are still to run, with their numbers, in blocks that use the same setup.
-
-    Args:
-        wanted: the cases.
-        count: the number of trials of each.
-        done: the trials that have run.
-    """
-    so_far = Counter(trial.case for trial in done)
-    setups = list(dict.fromkeys(case.setup for case in wanted))
-    trials = [(case, number) for number in range(1, count + 1) for case in wanted if number > so_far[case]]
-    return sorted(trials, key=lambda one: ((one[1] - 1) // BLOCK, setups.index(one[0].setup)))
-
-
 def read(path: Path) -> list[Trial]:
-    """Return the trials of a file; none if there is no file.
+    """Return the trials of a file.
 
     Raises:
-        DeployError: a line is not a trial.
+        DeployError: the file cannot be read.
+        ValueError: a line is not a trial.
     """
-    if not path.exists():
-        return []
-    try:
-        return read_appended(path, Trial)[0]
-    except ValueError as error:
-        raise DeployError(f"{path}: {error}; choose another --out") from error
+    return read_appended(path, Trial)[0]
 
 
 def read_origins(path: Path) -> list[Provenance]:
