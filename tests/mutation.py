@@ -36,6 +36,8 @@ EQUIVALENT = {
     # A return at exactly the point's distance shows it again in any case.
     "again = (nearest_m <= distance_m) & (farthest_m > distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)",
     "again = (nearest_m < distance_m) & (farthest_m >= distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)",
+    # Points in a larger rectangle are looked at: this only saves time.
+    "nearest, farthest = places.min(axis=None) - self.hull.radius_m, places.max(axis=0) + self.hull.radius_m",
     # NaN covers nothing either.
     "free_m = _values_at(view, proven_m, asked, beside=None)",
     # Two shares are equal only if both are zero or both are one: then either does.
@@ -54,6 +56,8 @@ EQUIVALENT = {
     "stopping=mean_m_s >= LEAST_SPEED_M_S and speed_m_s > BEGUN_SHARE * mean_m_s,",
     "return (self.t * self.v - self.n * self.tv) / spread if spread >= LEAST_SPREAD_S2 else math.inf",
     "return np.abs(now - before) <= LEAST_CHANGE_M",
+    "if not 0.0 < shown_m_s2 < GREATEST_M_S2:",
+    "return min(dead_s, LONGEST_DEAD_S) if dead_s >= braking.gap_s / 2.0 + SAMPLING_S else 0.0",
     # Advice belongs to a block.
     'advice = "XXXX" if block is None else sights.advice(config, usable, block)',
     # With nothing to spare, the root is the same.
