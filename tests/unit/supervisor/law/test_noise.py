@@ -243,7 +243,7 @@ def test_a_block_in_the_present_frame_is_found_again_after_a_motion() -> None:
 def test_a_block_beside_the_robot_is_found_again_on_its_own_side() -> None:
     """An earlier scan shows it 1 cm nearer; on the other side, something is nearer still."""
     lidar = shown([(1.0, 0.4), (0.6, -0.4)])._replace(earlier=np.array([(0.99, 0.4)]))
-    block = Block(1.0, 0.4, Kind.SEEN, 0.83, 0.4)
+    block = Block(1.0, 0.0, Kind.SEEN, 1.0, 0.4)
     assert is_confirmed(Sight((lidar,)), CONFIG, block, Odometer(at_s=1000.0), 1000.0)
 
 
