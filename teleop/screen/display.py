@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from teleop.screen.view import Control, Line, Segment, Tone, View, columns_of, nearest_in_words, plain
 from wire.messages import SafetyStatus, Twist
-from wire.reasons import words_of
+from wire.reasons import LIMIT_WORDS, words_of
 
 SILENT_AFTER_S = 0.5
 """A stream without a message for longer than this is outdated; the slowest stream has 10 Hz."""
@@ -181,11 +181,16 @@ def _driving(view: View, status: SafetyStatus) -> tuple[str, str]:
 
 def _limited(view: View, status: SafetyStatus) -> News:
     who, step = _driving(view, status)
-    why = f": {_detail(status)}" if status.causes and status.detail else _where(status)
+    limit = next((words for name, words in LIMIT_WORDS.items() if name in status.causes), None)
+    if limit is not None:
+        why = f": {limit.now.replace('WHO', plain(status.owner) or 'a source')}"
+    else:
+        why = f": {_detail(status)}" if status.causes and status.detail else _where(status)
     what = f"slowed to {status.scale:.0%}{why}" if status.scale > 0.0 else f"held at zero{why}"
     if who != "as requested":
         return News("LIMITED", f"{who}; {what}", step, Tone.CAUTION)
-    return News("LIMITED", what, "steer away from it, or slow down", Tone.CAUTION)
+    step = "steer away from it, or slow down" if limit is None else limit.step
+    return News("LIMITED", what, step, Tone.CAUTION)
 
 
 # --- the display of one line

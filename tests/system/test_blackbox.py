@@ -59,7 +59,7 @@ async def test_a_killed_teleop_leaves_a_file_whose_decisions_another_process_fin
 async def test_a_supervisor_that_is_asked_to_end_writes_the_stop_before(tmp_path: Path) -> None:
     # At its end it writes for one second at most, which may be too short on a busy machine.
     config = tmp_path / "robot.toml"
-    config.write_text("[supervisor]\nblack_box_s = 4.0\n")
+    config.write_text("[supervisor]\nblack_box_s = 4.0\nmounts_confirmed = true\n")
     async with robot(tmp_path, config=config) as subject:
         killed_s = await drive_and_kill_teleop(subject)
         await subject.zero_after(killed_s)

@@ -30,12 +30,12 @@ LOADED = {
     "fish": "lifeline completion fish | source; set -g fish_autosuggestion_enabled 0; echo load''ed",
 }
 CASES = [
-    ("lifeline sta", "lifeline status"),
+    ("lifeline statu", "lifeline status"),
     ("lifeline topic echo supervisor/st", "lifeline topic echo supervisor/status"),
     ("lifeline topic echo --fi", "lifeline topic echo --field"),
     ("lifeline faults --classes teleop_gil,sim_scan_sil", "--classes teleop_gil,sim_scan_silent"),
     ("lifeline check my_ro", "lifeline check my_robot.toml"),
-    (f"{BIN}/lifeline sta", "lifeline status"),
+    (f"{BIN}/lifeline statu", "lifeline status"),
 ]
 """One word of each kind, in every shell."""
 MORE_CASES = [

@@ -10,7 +10,7 @@ from teleop.screen.display import LATE_S, SILENT_AFTER_S, News, news, next_step
 from teleop.screen.view import Control, Tone, View
 from tests.unit.teleop.views import REASONS, driving, over, source, status, stopped
 from wire.messages import SafetyStatus
-from wire.reasons import StopReason
+from wire.reasons import LIMIT_WORDS, Limit, StopReason
 
 
 def said(newest: SafetyStatus, **fields: object) -> News:
@@ -189,6 +189,14 @@ def test_a_robot_that_is_slowed_says_by_what_if_the_law_knows() -> None:
     newest = status(SafetyStatus.LIMITED, scale=0.4, causes=["SCAN_BLIND"], detail="unseen space ahead")
     assert said(newest).what == "slowed to 40%: unseen space ahead"
     assert said(replace(newest, causes=[])).what == "slowed to 40%"
+
+
+@pytest.mark.parametrize("limit", LIMIT_WORDS)
+def test_each_limit_says_why_and_what_to_do(limit: Limit) -> None:
+    words = LIMIT_WORDS[limit]
+    newest = status(SafetyStatus.LIMITED, scale=0.6, causes=[limit], detail="3 of 5", nearest_m=1.0)
+    what = f"slowed to 60%: {words.now.replace('WHO', 'teleop')}"
+    assert said(newest) == News("LIMITED", what, words.step, Tone.CAUTION)
 
 
 def test_a_robot_that_is_held_without_a_stop_says_so() -> None:
