@@ -26,6 +26,7 @@ from supervisor.law.agreement import (
     _fit,  # pyright: ignore[reportPrivateUsage]
     _is_clearly_better,  # pyright: ignore[reportPrivateUsage]
     _is_far,  # pyright: ignore[reportPrivateUsage]
+    _shifts,  # pyright: ignore[reportPrivateUsage]
     agree,
     explain,
 )
@@ -95,6 +96,14 @@ def test_the_right_configuration_is_confirmed_by_each_motion(there: Pose, mount:
     found = explain(look(START, mount), look(there, mount), mount)
     assert found is not None
     assert E.CONFIGURED in found
+
+
+def test_the_configuration_explains_the_motion_across_the_robot_as_well() -> None:
+    """A reference may be from before a turn."""
+    there = Pose(0.1, 0.4, 0.3)
+    shift = _shifts(look(Pose(0.0, 0.0, 0.0)), look(there), HERE)[E.CONFIGURED]
+    assert shift.to == pytest.approx(0.1 + 0.4j)
+    assert shift.turn_rad == pytest.approx(0.3)
 
 
 def test_an_explanation_that_the_motion_cannot_separate_is_confirmed_as_well() -> None:
