@@ -644,6 +644,19 @@ def test_a_return_agrees_with_the_two_old_beams_beside_it(geometry: Geometry) ->
     assert fit.share == 1.0
 
 
+@pytest.mark.parametrize("turn_rad", np.linspace(0.41, 1.1, 12))
+def test_a_full_turn_may_lack_a_part_of_a_beam(turn_rad: float) -> None:
+    """Returns in the gap between the last and the first beam are beside both."""
+    angle_min, beams = GEOMETRY.angle_min, GEOMETRY.beams
+    uneven = Geometry(beams, angle_min, 2 * math.pi / (beams + 0.4))
+    before, view = (
+        look(pose)._replace(geometry=uneven) for pose in (START, after(START, 0.0, 0.0, turn_rad))
+    )
+    found = explain(before, view, HERE)
+    assert found is not None
+    assert E.CONFIGURED in found
+
+
 def test_explanations_differ_by_a_step_at_least() -> None:
     assert _is_far(Shift(complex(STEP_M), 0.0), STILL)
     assert not _is_far(Shift(complex(math.nextafter(STEP_M, 0.0)), 0.0), STILL)

@@ -218,6 +218,18 @@ def test_on_an_arc_the_bound_holds_along_the_path_in_shares_of_the_twist(
     )
 
 
+@pytest.mark.parametrize(
+    ("point", "present", "reaction_s", "most"), [((1.1, 0.85), 1.5, 0.5, 0.97), ((1.25, 1.4), 2.5, 0.3, 0.0)]
+)
+def test_a_faster_base_looks_as_far_along_the_path_as_it_needs_to_stop(
+    point: tuple[float, float], present: float, reaction_s: float, most: float
+) -> None:
+    """Neither point limits a base that is as fast as the command: it slows down, or stops, before them."""
+    barrier, around = Barrier(0.3, 1.5, reaction_s, 0.0), survey(Circle(0.25), np.array([point]))
+    assert permitted_scale(around, 1.0, 1.2, barrier, present=1.0)[0] == 1.0
+    assert permitted_scale(around, 1.0, 1.2, barrier, present=present)[0] <= most
+
+
 def test_a_base_that_is_too_fast_below_the_command_has_the_bound_of_each_point() -> None:
     """The corner of the hull closes on the point; the path ahead alone would permit more."""
     hull = ConvexPolygon(((0.4, -0.3), (0.4, 0.3), (-0.4, 0.3), (-0.4, -0.3)))
