@@ -76,6 +76,12 @@ def stop(
     return braking
 
 
+@pytest.mark.parametrize("is_driven", [True, False])
+def test_the_newest_sample_is_kept_while_the_base_drives_and_while_it_stops(*, is_driven: bool) -> None:
+    braking = measure(UNMEASURED, 0.7, 1.0, is_driven=is_driven, stopped_s=0.5, commanded_m_s=0.8)
+    assert (braking.last_m_s, braking.last_s) == (0.7, 1.0)
+
+
 def test_without_a_stop_nothing_is_known() -> None:
     assert bound_m_s2(UNMEASURED) == math.inf
 
