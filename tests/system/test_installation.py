@@ -21,7 +21,18 @@ from tests.system.operators import ROOT, Operator, until
 from tests.system.ports import free_endpoint
 from wire.host.state_directory import ENVIRONMENT
 
-PACKAGES = ("wire", "supervisor", "teleop", "sim", "ros2", "virtual", "deploy", "faults", "lifeline")
+PACKAGES = (
+    "wire",
+    "supervisor",
+    "teleop",
+    "station",
+    "sim",
+    "ros2",
+    "virtual",
+    "deploy",
+    "faults",
+    "lifeline",
+)
 BUILD_LIMIT_S = 60.0
 COMMAND_LIMIT_S = 30.0
 DEMO_LIMIT_S = 80.0

@@ -13,7 +13,7 @@ from typer.core import TyperGroup
 from lifeline.cli.app import app
 
 ROOT = Path(__file__).parents[3]
-PACKAGES = ("wire", "supervisor", "teleop", "sim", "ros2", "deploy", "faults", "lifeline")
+PACKAGES = ("wire", "supervisor", "teleop", "station", "sim", "ros2", "deploy", "faults", "lifeline")
 VALUES = {
     "ROLE": "viewer",
     "{part or Role.VIEWER}": "operator",
