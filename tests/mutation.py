@@ -57,6 +57,7 @@ EQUIVALENT = {
     "return (self.t * self.v - self.n * self.tv) / spread if spread >= LEAST_SPREAD_S2 else math.inf",
     "return np.abs(now - before) <= LEAST_CHANGE_M",
     "if not 0.0 < shown_m_s2 < GREATEST_M_S2:",
+    "if base.moving_s is not None and now_s - base.moving_s >= follows_after_s:",
     "return (decided,) if farther_m < decided.stop_distance_m - TOUCH_M else (decided, alone)",
     "return min(dead_s, LONGEST_DEAD_S) if dead_s >= braking.gap_s / 2.0 + SAMPLING_S else 0.0",
     # Advice belongs to a block.
