@@ -15,6 +15,7 @@ CONFIGURATION = """
 [bus]
 endpoint = "{hub}"
 [supervisor]
+mounts_confirmed = true
 black_box_dir = "{folder}/blackbox"
 sources = [{{ name = "{source}", priority = 90 }}]
 [ros2]

@@ -26,6 +26,7 @@ CONFIGURATION = """
 [bus]
 endpoint = "{endpoint}"
 [supervisor]
+mounts_confirmed = true
 black_box_dir = "{folder}/blackbox"
 sources = [{{ name = "teleop", priority = 100 }}, {{ name = "joy", priority = 90 }}, {{ name = "keys", priority = 80 }}, {{ name = "plan", priority = 10 }}]
 [ros2]
