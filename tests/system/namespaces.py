@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.operators import ROOT, Operator, until
+from tests.system.operators import DELETE_LINE, ROOT, Operator, until
 from tests.system.process_state import children_of
 from wire.host.state_directory import ENVIRONMENT
 
@@ -52,7 +52,7 @@ class Shell(Operator):
     async def run(self, line: str, *, until_says: str, limit_s: float = COMMAND_LIMIT_S) -> None:
         """Type a line and wait for its output."""
         begin = len(self.output)
-        self.type(f"{line}\n".encode())
+        self.type(DELETE_LINE + f"{line}\n".encode())
         await until(lambda: re.search(until_says, self.output[begin + len(line) :]), limit_s)
 
     async def prompt(self) -> None:

@@ -35,6 +35,8 @@ ZERO = (0.0, 0.0)
 ALL_MODES = tuple[Any, ...]
 TELEOP = ("-m", "teleop")
 PATIENT = ("-m", "tests.system.patient_teleop")
+DELETE_LINE = b"\x15"
+"""Ctrl-U: a shell whose job was stopped or killed finds the terminal's answers to that job in its line."""
 HANG_LIMIT_S = 2.0
 TOLERANT = (
     "-c",

@@ -16,6 +16,7 @@ import pytest
 
 from teleop.screen.view import Control
 from tests.system.operators import (
+    DELETE_LINE,
     HANG_LIMIT_S,
     LIMIT_S,
     PATIENT,
@@ -34,8 +35,6 @@ from tests.system.operators import (
 from tests.system.process_state import children_of, state_of
 
 ALL_KITTY_FLAGS = 31
-DELETE_LINE = b"\x15"
-"""Ctrl-U: a shell whose job was stopped by force finds the terminal's answers to that job in its line."""
 BROKEN = """
 import asyncio
 from teleop import __main__, service
