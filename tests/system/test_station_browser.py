@@ -14,7 +14,7 @@ from tests.system.pages import Server, served
 from tests.system.test_estop_stations import ESTOP, LOST, drive, heard, state
 from wire import topics
 
-pytestmark = [needs_chromium, pytest.mark.timeout(180), pytest.mark.long]
+pytestmark = [needs_chromium, pytest.mark.timeout(180), pytest.mark.timed]  # Chromium uses the whole machine
 
 PRESSES = int(os.environ.get("LIFELINE_PRESSES", "5"))
 LATE_S = 0.3
