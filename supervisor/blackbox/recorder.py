@@ -40,6 +40,8 @@ TAIL_S = 2.0
 """Recorded time after a stop; a new stop within this time goes to the same file."""
 TAIL_LIMIT_S = 10.0
 """Maximum time from the first of several such stops to the writing of the file."""
+CONFIRMED_S = 0.3
+"""A stop is confirmed within this time: by the next scan of a slow lidar."""
 SEGMENT_S = 1.0
 SEGMENT_BYTES = 1 << 20
 MEMORY_BYTES = 12 << 20
@@ -171,7 +173,7 @@ class BlackBox:
 
         was_free, self._free = self._free, decision.mode is not Mode.STOPPED
         new = frozenset(decision.reasons) - self._known(state, decision)
-        if new and _may_move(state, inputs):
+        if new and (_may_move(state, inputs) or _has_just_stopped(state, now_s)):
             self._on_stop(now_s, [reason for reason in decision.reasons if reason in new], was_free=was_free)
         if self._stop is not None and (now_s >= self._stop.due_s or self._stop.room <= 0):
             self._submit(self._stop)
@@ -242,6 +244,12 @@ class BlackBox:
         }
         segments = [(s.state, s.steps) for s in self._segments]
         self._writer.submit(Order(f"{stop.moment}-{stop.most_severe}", header, segments))
+
+
+def _has_just_stopped(state: State, now_s: float) -> bool:
+    """Return whether a robot that has moved was commanded to stop a moment ago: an obstacle is confirmed by the scan after that."""
+    stopped_s = state.base.stopped_s
+    return state.base.way_m > 0.0 and stopped_s is not None and now_s - stopped_s < CONFIRMED_S
 
 
 def _may_move(state: State, inputs: Inputs) -> bool:

@@ -148,6 +148,19 @@ def test_a_stop_at_the_slowest_speed_is_written(drive: Drive, writer: WriterAtOn
     assert [path.name[21:] for path in writer.paths] == ["ESTOP.jsonl.gz"]
 
 
+@pytest.mark.parametrize(("later_s", "files"), [(0.28, 1), (0.32, 0)])
+def test_a_stop_that_is_confirmed_a_moment_after_a_slow_robot_stands_is_written(
+    drive: Drive, writer: WriterAtOnce, later_s: float, files: int
+) -> None:
+    """At an obstacle, the scan after the one that stops the robot confirms it."""
+    drive.hold(1.0)
+    drive.hold(1.0, Velocity(CONFIG.creep_m_s, 0.0))
+    drive.hold(later_s)
+    drive.step(Inputs(estop=True))
+    drive.hold(TAIL_S + TICK_S)
+    assert len(writer.paths) == files
+
+
 def test_a_source_that_waits_with_an_old_reason_writes_nothing_when_the_owner_lets_go(
     drive: Drive, writer: WriterAtOnce
 ) -> None:
