@@ -7,11 +7,11 @@ of its stdin, which the kernel closes when the exam ends in any way, and then cl
 import os
 import shutil
 import signal
-import sys
 from contextlib import suppress
 from pathlib import Path
 
 from faults.real.rig import cable
+from faults.real.rig.janitor import sweep_at_the_end
 
 MARK = "LIFELINE_GRADE"
 LISTINGS = 8
@@ -52,12 +52,5 @@ def sweep(directory: Path, number: int) -> None:
     shutil.rmtree(directory, ignore_errors=True)
 
 
-def main() -> None:
-    directory, number = Path(sys.argv[1]), int(sys.argv[2])
-    sys.stdin.buffer.read()
-    if directory.exists():
-        sweep(directory, number)
-
-
 if __name__ == "__main__":
-    main()
+    sweep_at_the_end(sweep)

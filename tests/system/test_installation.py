@@ -16,23 +16,12 @@ import pytest
 from deploy.stack.errors import EXIT_REFUSED
 from deploy.stack.supervisord import find_uv
 from supervisor.estop_record import record_path
+from tests.packages import PACKAGES
 from tests.system import fake_ros2
 from tests.system.operators import ROOT, Operator, until
 from tests.system.ports import free_endpoint
 from wire.host.state_directory import ENVIRONMENT
 
-PACKAGES = (
-    "wire",
-    "supervisor",
-    "teleop",
-    "station",
-    "sim",
-    "ros2",
-    "virtual",
-    "deploy",
-    "faults",
-    "lifeline",
-)
 BUILD_LIMIT_S = 60.0
 COMMAND_LIMIT_S = 30.0
 DEMO_LIMIT_S = 80.0

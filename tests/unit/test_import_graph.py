@@ -6,19 +6,9 @@ from graphlib import CycleError, TopologicalSorter
 import grimp
 import pytest
 
-SERVICES = (
-    "wire",
-    "supervisor",
-    "teleop",
-    "station",
-    "sim",
-    "ros2",
-    "virtual",
-    "deploy",
-    "faults",
-    "lifeline",
-)
-PACKAGES = (*SERVICES, "bench", "tests.fuzz", "tests.scenes")
+from tests.packages import PACKAGES
+
+ROOTS = (*PACKAGES, "bench", "tests.fuzz", "tests.scenes")
 
 Arrows = dict[str, set[str]]
 
@@ -26,7 +16,7 @@ Arrows = dict[str, set[str]]
 @pytest.fixture(scope="module")
 def files() -> Arrows:
     """The modules of this project that each module imports."""
-    graph = grimp.build_graph(*PACKAGES, cache_dir=None)
+    graph = grimp.build_graph(*ROOTS, cache_dir=None)
     return {module: graph.find_modules_directly_imported_by(module) for module in graph.modules}
 
 

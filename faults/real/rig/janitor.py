@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -38,7 +39,8 @@ def sweep(directory: Path, number: int) -> None:
     shutil.rmtree(directory, ignore_errors=True)
 
 
-def main() -> None:
+def sweep_at_the_end(sweep: Callable[[Path, int], None]) -> None:
+    """Wait for the end of stdin, then sweep the directory and the namespace that the arguments name, if the directory is still there."""
     directory, number = Path(sys.argv[1]), int(sys.argv[2])
     sys.stdin.buffer.read()
     if directory.exists():
@@ -46,4 +48,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sweep_at_the_end(sweep)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.packages import PACKAGES
 from wire.host.state_directory import checkout
 
 
@@ -26,10 +27,7 @@ def test_only_the_command_keys_loads_cryptography(tmp_path: Path) -> None:
     assert _python(f"import sys, {modules}; print('cryptography' in sys.modules)", tmp_path) == "False"
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["supervisor", "teleop", "station", "sim", "ros2", "virtual", "wire", "deploy", "faults", "lifeline"],
-)
+@pytest.mark.parametrize("name", PACKAGES)
 def test_our_names_are_ours_from_any_directory(name: str, tmp_path: Path) -> None:
     found = _python(f"import {name}; print({name}.__file__)", tmp_path)
     root = checkout()

@@ -11,9 +11,9 @@ import typer.main
 from typer.core import TyperGroup
 
 from lifeline.cli.app import app
+from tests.packages import PACKAGES
 
 ROOT = Path(__file__).parents[3]
-PACKAGES = ("wire", "supervisor", "teleop", "station", "sim", "ros2", "deploy", "faults", "lifeline")
 VALUES = {
     "ROLE": "viewer",
     "{part or Role.VIEWER}": "operator",
