@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from faults.seen import Command, Motion, Seen
 from faults.trial import Injected
-from lifeline.incidents.braking import braking
+from recordings.incidents.braking import braking
 
 NOTICED_WITHIN_S = 2.0
 """A stop that begins later than this is not a consequence of the fault."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from lifeline.incidents.braking import Motion
+from recordings.incidents.braking import Motion
 from wire.message_types import SafetyStatus
 from wire.ros import Twist
 

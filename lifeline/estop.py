@@ -5,10 +5,10 @@ import os
 import sys
 from typing import NoReturn
 
+from deploy.stack.console import note, say
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.reach import NotRunningError, Observer, check_may_stop, reach
-from lifeline.command import note, say
 from teleop.station.service import Station
 from teleop.station.state import Look, headline, picture
 from teleop.terminal import Terminal, is_dumb, is_terminal

@@ -14,11 +14,11 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from deploy.stack.console import StatusLine, note, say
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.reach import reach, run_command
-from lifeline.command import StatusLine, note, say
-from lifeline.recording import RecordingReader
+from recordings.recording import RecordingReader
 from teleop.holder import HeldError, about_this_process
 from teleop.path.course import Path, PathError, Pose, Poses, TrackError, placed, seen_from, to_path, to_poses
 from teleop.path.service import SOURCE, Drive, Ending, PathService, Plan

@@ -20,9 +20,9 @@ from typing import NoReturn
 
 from pydantic import TypeAdapter, ValidationError
 
+from deploy.stack.console import note
 from deploy.stack.errors import EXIT_REFUSED, DeployError
 from deploy.stack.launch import Launch
-from lifeline.command import note
 from ros2.config import Ros2Section
 from wire import topics
 from wire.bus_config import BusConfig

@@ -7,8 +7,8 @@ from typing import Annotated, NoReturn
 
 from pydantic import AfterValidator, Field
 
+from deploy.stack.console import print_json, say
 from deploy.stack.errors import DeployError
-from lifeline.command import print_json, say
 from wire import tls
 from wire.access import Contract
 from wire.bus import BusError

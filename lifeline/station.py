@@ -13,11 +13,11 @@ from typing import NoReturn
 
 import segno
 
+from deploy.stack.console import say
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.listen import bracketed, cannot_listen, is_loopback
 from deploy.stack.reach import check_may_stop, run_command
-from lifeline.command import say
 from station.admission import Address
 from station.pairing import CODE_LIFETIME_S, Pairing
 from station.relay import Relay

@@ -30,7 +30,7 @@ from docs.generate.palette import DANGER, GOOD
 from faults.grade import rubric
 from faults.grade.exam import Exam, NotGradedError, driving, in_directory
 from faults.grade.robot import Robot, Setup, running
-from lifeline.incidents.braking import Motion
+from recordings.incidents.braking import Motion
 from sim import mj
 from sim.config import Build
 from sim.gl import NoGlError, choose

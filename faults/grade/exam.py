@@ -24,7 +24,7 @@ from faults.grade.robot import Robot, Setup, running
 from faults.grade.rubric import Rubric
 from faults.measure import MOVING_M_S
 from faults.real.rig.cable import why_not
-from lifeline.incidents.braking import STILL_S, Motion
+from recordings.incidents.braking import STILL_S, Motion
 from wire.text import printable
 
 T = TypeVar("T")

@@ -9,7 +9,7 @@ from enum import StrEnum
 
 from faults.grade.rubric import Rubric, Stopping
 from faults.measure import MOVING_M_S
-from lifeline.incidents.braking import Motion, braking
+from recordings.incidents.braking import Motion, braking
 
 WATCHED_S = 4.5
 """How long a robot is watched after a fault; one that stops after 4 s or later did not stop because of the fault."""

@@ -27,7 +27,7 @@ from faults.real.rig import faulty_process
 from faults.real.rig.cable import Cable
 from faults.real.rig.helper_process import Links
 from faults.real.rig.wheels import WheelPipe
-from lifeline.incidents.braking import Motion
+from recordings.incidents.braking import Motion
 from ros2.environment import dds_variables, ros_variables
 from wire import cdr, topics
 from wire.access import LOCAL_ROLES, Contract

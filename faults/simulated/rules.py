@@ -1,8 +1,8 @@
 """Judges every step of a simulated supervisor by the rules of `lifeline judge`, which do not know the law."""
 
 from faults.trial import BrokenPromise
-from lifeline.judge.monitors import Estop, FreshCommand, Monitors, NeutralFirst, SameStep
-from lifeline.judge.own import events_of_step
+from recordings.judge.monitors import Estop, FreshCommand, Monitors, NeutralFirst, SameStep
+from recordings.judge.own import events_of_step
 from supervisor.law.decision import Decision
 from supervisor.law.model import Inputs
 from supervisor.law.state import State

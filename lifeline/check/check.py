@@ -9,13 +9,13 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
+from deploy.stack.console import print_json
 from deploy.stack.errors import DeployError
 from deploy.stack.robot_file import read_robot
 from deploy.stack.table import Column, Table
 from lifeline.check.motions import Permitted, View, permitted_motions
 from lifeline.check.proof import Risk
 from lifeline.check.risks import held_cm, risks
-from lifeline.command import print_json
 from ros2.config import Ros2Section, RosSourceSection
 from sim.config import SimSection
 from supervisor.config import FULL_TURN_SLACK_RAD, NamedLidarSection, SupervisorSection

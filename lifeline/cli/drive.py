@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from deploy.stack.console import note, print_json, say
 from lifeline.command import (
     Config,
     Endpoint,
@@ -15,11 +16,8 @@ from lifeline.command import (
     StatePath,
     argument,
     command,
-    note,
     option,
-    print_json,
     robot_command,
-    say,
 )
 from wire.host.extras import require
 
@@ -174,9 +172,9 @@ def commission(
     Start the robot first, with `lifeline up --detach --config FILE`, in a free area with one flat wall. Each step is shown and
     confirmed; any key aborts a drive. The results are written into the section measured of FILE. Exit 1 if it was aborted.
     """
+    from commission.commission import commission
     from deploy.stack.launch import Launch
     from deploy.stack.statedir import StateDir
-    from lifeline.commission.commission import commission
 
     launch = Launch.find(StateDir.choose(state_dir), file, endpoint, keys_dir)
     commission(file, launch, source, lidar)

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from deploy.stack.console import answer, note
 from lifeline.command import (
     ROBOT_PANEL,
     Json,
@@ -12,10 +13,8 @@ from lifeline.command import (
     ResultJson,
     Robot,
     StatePath,
-    answer,
     argument,
     command,
-    note,
     option,
     robot_command,
 )
@@ -88,7 +87,7 @@ Until = Annotated[
 
 def _file_of(robot: Robot, what: str | None) -> Path | None:
     """Return the recording or the black box that an argument names; None: the running robot."""
-    from lifeline.incidents.incident import directory_of, find
+    from recordings.incidents.incident import directory_of, find
 
     if what is None or what.endswith(".mcap"):
         return None if what is None else Path(what)
@@ -196,7 +195,7 @@ def record(
     as_json: ResultJson = False,
 ) -> None:
     """Record all messages in an MCAP file, as rosbag2 does, until Ctrl-C."""
-    from lifeline.record import record
+    from recordings.record import record
 
     record(file, robot.launch, as_json=as_json)
 

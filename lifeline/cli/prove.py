@@ -9,8 +9,9 @@ from typing import Annotated
 
 import typer
 
+from deploy.stack.console import answer, note, say
 from deploy.stack.errors import EXIT_REFUSED
-from lifeline.command import Json, ResultJson, answer, argument, command, note, option, say
+from lifeline.command import Json, ResultJson, argument, command, option
 from wire.host.extras import require
 
 app = typer.Typer()
@@ -67,10 +68,10 @@ def judge(
 
     Exit 1 if Lifeline would have stopped the robot, or if a rule was broken, 2 if the recording cannot be judged.
     """
-    from lifeline.command import StatusLine, show
-    from lifeline.judge.choice import Named
-    from lifeline.judge.judge import judge as judge_it
-    from lifeline.judge.page import page, to_json
+    from deploy.stack.console import StatusLine, show
+    from recordings.judge.choice import Named
+    from recordings.judge.judge import judge as judge_it
+    from recordings.judge.page import page, to_json
 
     progress = StatusLine(sys.stderr)
     try:

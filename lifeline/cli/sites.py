@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from lifeline.command import ROBOT_PANEL, Json, KeysPath, answer, argument, command, option, print_json, say
+from deploy.stack.console import answer, print_json, say
+from lifeline.command import ROBOT_PANEL, Json, KeysPath, argument, command, option
 from wire.roles import ANY, Role
 
 app = typer.Typer()

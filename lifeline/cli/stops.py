@@ -40,8 +40,8 @@ def _on_this_computer(*, config: Config = None, state_dir: StatePath = None) -> 
 @robot_command(incidents_app, "list", find=_on_this_computer)
 def incidents_list(robot: Robot, *, as_json: Json = False) -> int:
     """List all incidents: time, reasons, owner, speed at the stop, stopping distance, and nearest distance."""
-    from lifeline.incidents.commands import show_list
-    from lifeline.incidents.incident import directory_of
+    from recordings.incidents.commands import show_list
+    from recordings.incidents.incident import directory_of
 
     return show_list(directory_of(robot.launch, robot.state), as_json=as_json)
 
@@ -57,8 +57,8 @@ def incidents_show(
     as_json: Json = False,
 ) -> int:
     """Show the seconds around a stop as a table and as plots. Exit 1 if a part of the file cannot be read."""
-    from lifeline.incidents.commands import show
-    from lifeline.incidents.incident import directory_of, find
+    from recordings.incidents.commands import show
+    from recordings.incidents.incident import directory_of, find
 
     return show(find(directory_of(robot.launch, robot.state), incident), seconds, as_json=as_json)
 
@@ -75,8 +75,8 @@ def incidents_export(
 
     Exit 1 if a part of the black box cannot be read.
     """
-    from lifeline.incidents.commands import export
-    from lifeline.incidents.incident import directory_of, find
+    from recordings.incidents.commands import export
+    from recordings.incidents.incident import directory_of, find
 
     black_box = find(directory_of(robot.launch, robot.state), incident)
     return export(black_box, file, robot.launch.bus.namespace, as_json=as_json)
@@ -89,6 +89,6 @@ def replay_decision(
     as_json: Json = False,
 ) -> int:
     """Run the law again over the recording of a stop. Exit 1 if any decision differs from the recording."""
-    from lifeline.incidents.replay import replay_decision
+    from recordings.incidents.replay import replay_decision
 
     return replay_decision(file, as_json=as_json)

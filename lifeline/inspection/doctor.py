@@ -13,13 +13,13 @@ from typing import NoReturn
 from rich.text import Text
 
 from deploy.stack import supervisord
+from deploy.stack.console import show
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import ANY_BASE, Launch, check_endpoint_is_free
 from deploy.stack.reach import NotRunningError, Observer, reach, run_command, silence_of
 from deploy.stack.robot_file import read_robot
 from deploy.stack.statedir import StateDir
 from deploy.stack.table import Column, Table
-from lifeline.command import show
 from lifeline.inspection.diagnosis import Finding, Observed, Terminal, Verdict, diagnose, is_healthy
 from lifeline.inspection.listening import Robot, robot_at
 from lifeline.inspection.nodes import program

@@ -15,10 +15,10 @@ from html import escape
 from pathlib import Path
 from typing import NoReturn
 
+from deploy.stack.console import answer
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import number
 from deploy.stack.launch import Launch
-from lifeline.command import answer
 from lifeline.inspection.listening import Robot, inspection
 from lifeline.inspection.nodes import Node
 from lifeline.inspection.traffic import Traffic

@@ -6,9 +6,9 @@ from fnmatch import fnmatchcase
 from glob import escape
 from typing import Any
 
+from deploy.stack.console import print_json
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
-from lifeline.command import print_json
 from supervisor.config import SupervisorSection
 from wire import topics
 from wire.topics import Topic

@@ -8,10 +8,10 @@ from typing import Any
 from rich.console import RenderableType
 from rich.text import Text
 
+from deploy.stack.console import show
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import number
 from deploy.stack.table import Column, Table, facts
-from lifeline.command import show
 from lifeline.inspection.listening import Robot, inspection
 from lifeline.inspection.nodes import Node, describe, find
 from lifeline.inspection.traffic import KeyTraffic, Traffic

@@ -7,9 +7,9 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from deploy.stack.console import note, say
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import number
-from lifeline.command import note, say
 from lifeline.inspection.listening import Robot, inspection
 from lifeline.inspection.traffic import KeyTraffic, Traffic
 from lifeline.inspection.values import (

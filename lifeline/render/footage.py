@@ -13,9 +13,9 @@ import numpy as np
 
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
-from lifeline.incidents.incident import messages
-from lifeline.record import heard
-from lifeline.recording import Recorded, RecordingReader
+from recordings.incidents.incident import messages
+from recordings.record import heard
+from recordings.recording import Recorded, RecordingReader
 from sim.config import SimSection
 from sim.lidar import Ranges
 from sim.messages import movers_of

@@ -14,8 +14,6 @@ from typing import Any
 import numpy as np
 
 from deploy.stack.formatting import mode_name, nearest, speed
-from lifeline.incidents import incident
-from lifeline.recording import Recorded, RecordingReader
 from lifeline.view.shapes import (
     Area,
     Colour,
@@ -32,6 +30,8 @@ from lifeline.view.shapes import (
     free_space,
     outline,
 )
+from recordings.incidents import incident
+from recordings.recording import Recorded, RecordingReader
 from supervisor.blackbox.file import SUFFIX
 from supervisor.blackbox.reader import BlackBoxReader
 from supervisor.config import SupervisorSection

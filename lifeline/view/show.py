@@ -12,11 +12,11 @@ from typing import Any, NoReturn
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch, free_port
 from deploy.stack.reach import reach, run_command
-from lifeline.incidents.incident import damage_of
-from lifeline.recording import Recorded
 from lifeline.view import window
 from lifeline.view.rerun_log import RerunLog
 from lifeline.view.scene import Scene, read_source, scene_of
+from recordings.incidents.incident import damage_of
+from recordings.recording import Recorded
 from supervisor.config import SupervisorSection
 from wire.bus import Bus, wait_until
 

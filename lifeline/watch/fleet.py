@@ -10,9 +10,9 @@ from collections.abc import Awaitable, Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NoReturn
 
+from deploy.stack.console import note, print_json, say
 from deploy.stack.errors import EXIT_NOT_RUNNING, DeployError
 from deploy.stack.reach import NotRunningError, check_may_stop, check_refusal, run_command
-from lifeline.command import note, print_json, say
 from lifeline.watch.rows import Row, Watched, row_at
 from lifeline.watch.watch import EXIT_PARTLY, show_lines, show_live, show_once, until, wants_lines
 from teleop.guards import Supervisors

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lifeline.incidents.replay import replay
+from recordings.incidents.replay import replay
 from supervisor.blackbox import recorder as blackbox
 from supervisor.blackbox.reader import Document, read
 from supervisor.blackbox.recorder import BlackBox, ThreadWriter, Writer

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from lifeline.commission.commission import EXIT_ABORTED, Conductor
+from commission.commission import EXIT_ABORTED, Conductor
 from sim.config import SimSection
 from sim.lidar_config import SimLidarSection
 from sim.motion_sensors import EncoderConfig

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from lifeline.incidents.replay import replay
+from recordings.incidents.replay import replay
 from supervisor.blackbox.file import Order, write
 from supervisor.blackbox.reader import read
 from supervisor.blackbox.recorder import BlackBox

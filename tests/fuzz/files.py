@@ -29,22 +29,22 @@ from faults.report.table import print_results
 from faults.trial import BrokenPromise, Injected, Provenance, Sample, Trial
 from faults.trial_file import read_trials
 from lifeline.check.check import check
-from lifeline.incidents.commands import export, show, show_list
-from lifeline.incidents.incident import damage_of
-from lifeline.incidents.replay import replay_decision
-from lifeline.judge import page
-from lifeline.judge.choice import Named
-from lifeline.judge.judge import judge
 from lifeline.path import read_poses
-from lifeline.recording import RecordingReader
 from lifeline.view.scene import read_source
+from recordings.incidents.commands import export, show, show_list
+from recordings.incidents.incident import damage_of
+from recordings.incidents.replay import replay_decision
+from recordings.judge import page
+from recordings.judge.choice import Named
+from recordings.judge.judge import judge
+from recordings.recording import RecordingReader
 from sim.layout import LayoutError, read_layout
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import pressed_by
 from supervisor.law.model import Inputs, Odometry
 from supervisor.law.reckoning import Velocity
-from tests.unit.lifeline.judge.recorded import drive, write_mcap, write_rosbag2
+from tests.unit.recordings.judge.recorded import drive, write_mcap, write_rosbag2
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, WriterAtOnce
 from tests.unit.supervisor.law.law_harness import CONFIG, FORWARD, TICK_S
 from wire.host.config import BusSection, ConfigError

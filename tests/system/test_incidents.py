@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
-from lifeline.incidents.incident import messages
+from recordings.incidents.incident import messages
 from tests.system.harness import Robot, patiently, robot
 from wire import topics
 from wire.messages import SafetyStatus, decode

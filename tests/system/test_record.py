@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lifeline.recording import RecordingReader
+from recordings.recording import RecordingReader
 from tests.system.harness import PATIENCE_S, Robot, free_endpoint, robot
 
 pytestmark = pytest.mark.timeout(120)

@@ -13,7 +13,7 @@ import pytest
 
 from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir
-from lifeline.recording import RecordingReader
+from recordings.recording import RecordingReader
 from tests.gl import needs_gl
 from tests.system.harness import Robot, free_endpoint, robot
 from tests.system.test_record import ODOM, Recording, lifeline

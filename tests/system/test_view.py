@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import rerun.chunk
 
-from lifeline.recording import RecordingReader
+from recordings.recording import RecordingReader
 from tests.system.harness import PATIENCE_S, Robot, free_endpoint, robot
 from tests.system.process_state import listening
 

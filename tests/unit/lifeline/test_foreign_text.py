@@ -6,12 +6,12 @@ from typing import Any, cast
 import pytest
 from rich.console import Console, RenderableType
 
+from deploy.stack.console import StatusLine, note, say
 from deploy.stack.ros2_reports import Level
 from deploy.stack.ros2_reports import Report as Ros2Report
 from faults.report.table import print_results, story
 from faults.trial import BrokenPromise, Injected
 from lifeline import status
-from lifeline.command import StatusLine, note, say
 from lifeline.inspection import doctor, listing, topic
 from lifeline.inspection.diagnosis import problem
 from lifeline.inspection.nodes import Node

@@ -10,7 +10,7 @@ from typer.testing import CliRunner, Result
 from deploy.stack.errors import DeployError
 from lifeline.cli.app import app
 from lifeline.path import START_LIMIT_M, absolute, read_poses, relative, report, to_json
-from lifeline.recording import Recorded, RecordingWriter
+from recordings.recording import Recorded, RecordingWriter
 from teleop.path.course import PathError, Pose, Poses, placed, to_path
 from teleop.path.service import Drive, Ending
 from wire.messages import Odometry, encode, odometry

@@ -10,10 +10,10 @@ import pytest
 
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
-from lifeline.record import Recorded
-from lifeline.recording import RecordingWriter
 from lifeline.render.footage import OPEN, Footage, of_file
 from lifeline.render.render import Wanted
+from recordings.record import Recorded
+from recordings.recording import RecordingWriter
 from sim import mj
 from sim.config import Build
 from sim.messages import Health, to_diagnostics
@@ -21,7 +21,7 @@ from sim.overlay import Mode
 from sim.pace import Measured
 from sim.plant import Plant, Pose
 from sim.sensor_faults import NO_FAULTS
-from tests.unit.lifeline.inspection.test_incident_summary import lost_at
+from tests.unit.recordings.test_incident_summary import lost_at
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S
 from wire.messages import Message, SafetyStatus, encode, header, laser_scan, odometry
 from wire.topics import DIAGNOSTICS, ODOM, SCAN, STATUS, TRUTH, Topic

@@ -8,7 +8,7 @@ from faults.grade.exam import MOVING_M_S, STEADY_M_S, STEADY_S, counting, is_ste
 from faults.grade.marks import Fault
 from faults.grade.robot import Base, Setup
 from faults.grade.rubric import DEFAULT, parse
-from lifeline.incidents.braking import Motion
+from recordings.incidents.braking import Motion
 from wire import cdr
 from wire.cdr import Planar
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from faults.grade.marks import AGAIN_M, POINTS, Fault, Grade, Observed, cm, mark, observed, swings, untested
 from faults.grade.rubric import Rubric, read
 from faults.measure import MOVING_M_S
-from lifeline.incidents.braking import Motion
+from recordings.incidents.braking import Motion
 
 RUBRIC = read(None)
 STOPPED = Observed(

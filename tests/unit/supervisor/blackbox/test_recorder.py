@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from lifeline.incidents.replay import replay
+from recordings.incidents.replay import replay
 from supervisor.__main__ import black_box
 from supervisor.blackbox import recorder as blackbox
 from supervisor.blackbox.file import LAW, VERSION, Order, write

@@ -1,0 +1,300 @@
+"""`lifeline commission`: the first drive of a new robot, one confirmed step at a time, and the table `[measured]`."""
+
+import asyncio
+import datetime as dt
+import itertools
+import math
+import os
+from importlib.metadata import version
+from pathlib import Path
+from typing import NoReturn
+
+from commission import plan, timing
+from commission.driver import AbortedError, Driver, SurpriseError
+from commission.findings import Findings, report, results
+from commission.measured import TableError, with_results
+from commission.mounting import forward_mistakes, turn_mistakes
+from commission.person import Person, TerminalPerson
+from commission.trace import Driven
+from commission.wall import Wall
+from deploy.stack.console import note
+from deploy.stack.errors import DeployError
+from deploy.stack.launch import Launch
+from deploy.stack.reach import reach, run_command
+from deploy.stack.robot_file import read_robot
+from supervisor.config import UNMEASURED_M_S, NamedLidarSection, SupervisorSection
+from teleop.holder import HeldError, about_this_process
+from teleop.terminal import is_terminal
+from wire.bus import Bus
+from wire.foreign import read_text
+from wire.host.config import ConfigError, read_toml
+from wire.reasons import StopReason
+from wire.standstill import STILL_M_S
+from wire.zenoh.hub_proof import HubProof
+
+EXIT_ABORTED, EXIT_INTERRUPTED = 1, 130
+REST_S = 3.0
+NO_WALL = "no flat wall of at least 1 m is seen: move the robot, or choose another wall"
+OTHER_WAY = ". If the robot moved the other way, correct the sign in its driver or its wiring"
+FIND_S = 0.5
+"""How long the lidar is heard before a wall must have been found."""
+
+
+def commission(file: Path, launch: Launch, source: str, lidar_name: str | None) -> NoReturn:
+    """Run the first drive, and write `[measured]`; exit 0 at the end, 1 if it was aborted, 130 if interrupted.
+
+    Raises:
+        DeployError: the file is refused, or there is no terminal.
+    """
+    try:
+        sections = read_robot(read_toml(file), simulated=False)
+    except ConfigError as error:
+        raise DeployError(str(error)) from error
+    config = sections[SupervisorSection]
+    if source not in (one.name for one in config.sources):
+        raise DeployError(f"{source} is not in [supervisor] sources: add it, or give another --source")
+    lidars = {one.name: one for one in config.all_lidars()}
+    lidar = next(iter(lidars.values())) if lidar_name is None else lidars.get(lidar_name)
+    if lidar is None:
+        raise DeployError(f"there is no lidar {lidar_name}; there are: {', '.join(lidars)}")
+    if not config.odometry:
+        raise DeployError("odometry = false: without odometry, nothing can be measured")
+    if not is_terminal():
+        raise DeployError("a person must confirm each step: run it in a terminal")
+    if not (os.access(file, os.W_OK) and os.access(file.resolve().parent, os.W_OK)):
+        raise DeployError(f"{file} or its directory cannot be written: the results belong into it")
+
+    async def run(stop: asyncio.Event) -> int:
+        bus = await reach(launch.bus, stop, HubProof(launch.bus, note))
+        if bus is None:
+            return EXIT_INTERRUPTED
+        try:
+            with TerminalPerson() as person:
+                return await Conductor(bus, person, file, config, lidar, source).run(stop)
+        finally:
+            await bus.close()
+
+    run_command(run)
+
+
+class Conductor:
+    """Goes through the steps with one person."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        person: Person,
+        file: Path,
+        config: SupervisorSection,
+        lidar: NamedLidarSection,
+        source: str,
+    ) -> None:
+        self._file, self._config, self._lidar = file, config, lidar
+        self._say = person.say
+        self._found = Findings()
+        self._there_m = 0.0
+        """Way of the last drive, by odometry."""
+        self._base = plan.Base(
+            config.base_acceleration_m_s2,
+            min(plan.POOR_DECELERATION_M_S2, config.deceleration_m_s2),
+            max(plan.POOR_REACTION_S, config.base_dead_time_s + config.transport_s),
+        )
+        self._driver = Driver(
+            bus,
+            source,
+            lidar,
+            config.footprint.hull().radius_m,
+            person,
+            about_this_process(source),
+        )
+
+    async def run(self, stop: asyncio.Event) -> int:
+        try:
+            await self._driver.claim(stop)
+        except HeldError as error:
+            raise DeployError(f"the source is in use, by {error}: end that first") from error
+        try:
+            await self._steps()
+            await self._write()
+        except AbortedError as error:
+            self._say(f"aborted: {error}. Nothing was written")
+            return EXIT_INTERRUPTED if stop.is_set() else EXIT_ABORTED
+        finally:
+            await self._driver.leave()
+        return 0
+
+    # --- the steps
+
+    async def _steps(self) -> None:
+        self._say(
+            "The first drive: place the robot on a flat, free floor, 3 m before a flat wall and facing it, with 2 m free "
+            "behind and beside it, loaded as it will be. Stay beside it with the e-stop in your hand. Any key aborts a drive."
+        )
+        try:
+            await self._driver.ready()
+        except SurpriseError as error:
+            raise AbortedError(str(error)) from error
+        await self._check_wall()
+        await self._rest()
+        await self._step(plan.AHEAD, is_first=True)
+        await self._check_direction()
+        await self._step(plan.LEFT, is_first=True)
+        await self._check_turn()
+        await self._step(plan.HEADINGS)
+        for speed_m_s in plan.speeds(min(self._config.max_linear_m_s, UNMEASURED_M_S)):
+            if not await self._step(plan.stops(speed_m_s, self._base)):
+                break
+        await self._step(plan.ESTOP)
+
+    async def _find_wall(self) -> Wall | None:
+        """Find the nearest wall anew; return None if there is none."""
+        self._driver.trace.forget_wall()
+        await self._driver.wait(FIND_S)
+        return self._driver.wall()
+
+    async def _check_wall(self) -> None:
+        wall = await self._find_wall()
+        if wall is None:
+            raise AbortedError(NO_WALL)
+        bearing_rad = self._driver.bearing_rad(wall)
+        self._say(
+            f"{self._lidar.name} sees a wall of {wall.length_m:.1f} m, {wall.distance_m:.2f} m from the lidar and "
+            f"{self._driver.gap_m(wall):.2f} m from the hull, in the direction {math.degrees(bearing_rad):+.0f}° (0° is ahead, left is "
+            "positive)."
+        )
+        if abs(bearing_rad) > plan.FACING_RAD:
+            raise AbortedError(
+                "by the mount in the file, the nearest wall is not ahead: turn the robot to the wall, or correct yaw_rad or flip"
+            )
+        await self._confirm(
+            "Measure with a tape from the lidar to the wall ahead. Type yes if it agrees.", "yes"
+        )
+
+    async def _confirm(self, question: str, word: str) -> None:
+        if (await self._driver.ask(question)).lower() != word:
+            raise AbortedError(f"not confirmed with {word!r}")
+
+    async def _rest(self) -> None:
+        self._say(f"The robot stands for {REST_S:g} s: rate and noise of the lidar.")
+        start_s = self._driver.now_s
+        await self._driver.wait(REST_S)
+        trace = self._driver.trace.between(start_s, self._driver.now_s)
+        arrivals = [scan.at_s for scan in trace.scans]
+        self._found.period = timing.period(arrivals)
+        self._found.longest_s = max((b - a for a, b in itertools.pairwise(arrivals)), default=math.nan)
+        self._found.noise = timing.noise(trace.same_beams())
+
+    async def _step(self, step: plan.Step, *, is_first: bool = False) -> bool:
+        """Drive a step, confirmed and again after a surprise; return whether it was driven."""
+        while True:
+            problem = await self._problem(step)
+            if problem is None:
+                await self._announce(step)
+                try:
+                    for drive in step.drives:
+                        await self._drive(drive, is_first=is_first, until_estop=step is plan.ESTOP)
+                except SurpriseError as error:
+                    hint = OTHER_WAY if is_first and StopReason.BASE_UNRESPONSIVE in str(error) else ""
+                    problem = f"{error}. Zero was sent{hint}"
+                else:
+                    return True
+            self._say(f"step {step.name}: {problem}")
+            skip = "" if step.is_needed else ", skip to leave it out"
+            answer = await self._driver.ask(
+                f"Place the robot with teleop if necessary. Type again for this step{skip}, anything else to end."
+            )
+            if answer == "skip" and not step.is_needed:
+                return False
+            if answer != "again":
+                raise AbortedError(problem)
+
+    async def _problem(self, step: plan.Step) -> str | None:
+        """Return why a step cannot begin where the robot stands; None if it can."""
+        wall = self._driver.wall() or await self._find_wall()
+        if wall is None:
+            return NO_WALL
+        return plan.problem(step, self._base, self._driver.gap_m(wall), self._driver.bearing_rad(wall))
+
+    async def _announce(self, step: plan.Step) -> None:
+        self._say(f"Step {step.name}, to measure {step.purpose}:")
+        for text in dict.fromkeys(map(str, step.drives)):
+            self._say(f"  {text}")
+        behind_m = step.needs_behind_m(self._base)
+        where = f"{step.needs_m(self._base):.1f} m ahead" + (
+            f" and {behind_m:.1f} m behind" if behind_m else ""
+        )
+        await self._confirm(f"Keep {where} of the hull free. Type go to drive, anything else to end.", "go")
+
+    async def _drive(self, drive: plan.Drive, *, is_first: bool, until_estop: bool) -> None:
+        driven = await self._driver.drive(
+            drive.back(self._there_m), self._base, is_first=is_first, until_estop=until_estop
+        )
+        self._there_m = driven.way_m
+        if not until_estop:
+            self._keep(drive, driven)
+            return
+        zero_s = self._driver.heard_estop_s(driven.started_s)
+        if zero_s is None:
+            raise SurpriseError("no e-stop was heard")
+        still = (
+            one.at_s for one in driven.trace.odometry if one.at_s > zero_s and abs(one.linear_m_s) < STILL_M_S
+        )
+        self._found.estop_s = next(still, math.nan) - zero_s
+        self._say("the e-stop stopped the robot; reset it with r in teleop")
+
+    def _keep(self, drive: plan.Drive, driven: Driven) -> None:
+        if drive.turn_rad:
+            self._found.turns.append(driven.turn())
+            return
+        self._found.straights.append(driven.straight())
+        if (
+            drive.way_m > 0.0 and drive.speed > plan.SLOW_M_S
+        ):  # the slow drives are too short, and not all toward the wall
+            self._found.driven.append(driven)
+            self._found.commanded.append(drive.speed)
+
+    async def _check_direction(self) -> None:
+        answer = await self._driver.ask("Did the robot drive ahead, toward the wall? Type ahead or back.")
+        if answer not in {"ahead", "back"}:
+            raise AbortedError("the answer must be ahead or back")
+        mistakes = forward_mistakes(self._found.straights[-1], seen_ahead=answer == "ahead")
+        if mistakes:
+            raise AbortedError("; ".join(sorted(mistakes)))
+
+    async def _check_turn(self) -> None:
+        answer = await self._driver.ask("Which way did the robot turn, seen from above? Type left or right.")
+        if answer not in {"left", "right"}:
+            raise AbortedError("the answer must be left or right")
+        mistakes = turn_mistakes(self._found.turns[-1], seen_left=answer == "left")
+        if mistakes:
+            raise AbortedError("; ".join(sorted(mistakes)))
+
+    # --- the result
+
+    async def _write(self) -> None:
+        found = results(self._found, self._lidar)
+        for line in report(found, self._found, self._config):
+            self._say(line)
+        await self._confirm(f"Type write to write [measured] into {self._file}.", "write")
+        try:
+            today = dt.datetime.now(tz=dt.UTC).date().isoformat()
+            text = with_results(read_text(self._file), found, date=today, version=version("lifeline"))
+            replace_file(self._file, text)
+        except (OSError, TableError) as error:
+            raise DeployError(f"{self._file}: {error}") from error
+        self._say(f"written. `lifeline check {self._file}` compares it with the configuration")
+
+
+def replace_file(file: Path, text: str) -> None:
+    """Replace a file at once, with the same permissions; a link stays a link.
+
+    Raises:
+        OSError: the file or its directory cannot be written.
+    """
+    target = file.resolve()
+    beside = target.with_name(f".{target.name}.new")
+    beside.unlink(missing_ok=True)  # of a run that was killed here
+    with beside.open("x", encoding="utf-8", newline="") as new:
+        new.write(text)
+    beside.chmod(target.stat().st_mode & 0o7777)
+    beside.replace(target)

@@ -1,0 +1,323 @@
+"""Drives a robot from rest to rest as a command source, and ends a drive at any surprise.
+
+The heartbeat also runs while a person is asked. Whenever nothing is driven, it is neutral.
+"""
+
+import asyncio
+import math
+
+from commission.person import LineEditor, Person
+from commission.plan import Base, Drive
+from commission.trace import Command, Driven, Odom, Trace
+from commission.wall import Wall
+from commission.watch import Watch
+from supervisor.config import NamedLidarSection
+from supervisor.messages import to_scan
+from teleop.holder import Holder
+from teleop.path.course import Pose
+from teleop.path.permit import what_is_missing, what_stops
+from teleop.pilots.pilot import NEUTRAL, Velocity
+from teleop.rate import Rate
+from wire import topics
+from wire.bus import Bus, wait_until
+from wire.messages import Odometry, SafetyStatus, planar_twist
+from wire.reasons import StopReason
+from wire.standstill import is_still
+
+RATE_HZ = 20.0
+DEPTH = 256
+STATUS_SILENT_S = 0.5
+ODOM_SILENT_S = 0.3
+SCAN_SILENT_S = 0.6
+ARM_LIMIT_S = 5.0
+LEARN_S = 0.6
+"""How long the wall is observed at rest before and after a drive."""
+REST_LIMIT_S = 6.0
+
+
+class AbortedError(Exception):
+    """The drives end here; the message says why."""
+
+
+class SurpriseError(Exception):
+    """One drive has ended early; the message says why. Zero has been sent."""
+
+
+class Driver:
+    """One command source that drives in front of a wall.
+
+    Args:
+        bus: an open bus; the caller closes it.
+        source: the name of the command source.
+        lidar: the configuration of the lidar that sees the wall.
+        hull_radius_m: the radius of the circle around the hull.
+        person: any key of them aborts a drive.
+        about: a sentence about this program, for other programs that want the source's name.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        source: str,
+        lidar: NamedLidarSection,
+        hull_radius_m: float,
+        person: Person,
+        about: str,
+    ) -> None:
+        self._source, self._lidar, self._hull_radius_m = source, lidar, hull_radius_m
+        self._person = person
+        self.trace = Trace(lidar.mount())
+        self._wake = asyncio.Event()
+        self._cmd_vel = bus.publisher(topics.source_cmd_vel(source))
+        self._odometry = bus.subscribe(topics.ODOM, depth=DEPTH)
+        self._scans = bus.subscribe(topics.lidar_scan(lidar.topic), depth=DEPTH)
+        self._commands = bus.subscribe(topics.CMD_VEL, depth=DEPTH)
+        self._statuses = bus.subscribe(topics.STATUS, depth=DEPTH, wake=self._wake)
+        self._holder = Holder(bus, source, self._cmd_vel, about)
+        self._velocity = NEUTRAL
+        self._status: SafetyStatus | None = None
+        self._status_s = self._scan_s = -math.inf
+        self._stopping = asyncio.Event()
+
+    async def claim(self, stop: asyncio.Event) -> None:
+        """Acquire the source's name, and begin the heartbeat.
+
+        Raises:
+            HeldError: another program holds the name.
+        """
+        self._stopping = stop
+        await self._holder.claim()
+        self._rate = Rate(1.0 / RATE_HZ, self.now_s)
+
+    async def leave(self) -> None:
+        """Send zero, and withdraw the token."""
+        try:
+            self._send(NEUTRAL)
+        finally:
+            await self._holder.leave()
+
+    @property
+    def now_s(self) -> float:
+        return asyncio.get_running_loop().time()
+
+    # --- the heartbeat
+
+    async def beat(self) -> str | None:
+        """Send the present velocity at the next beat, and take what has arrived; return why a drive must end, or None.
+
+        Raises:
+            AbortedError: a signal ends the program.
+        """
+        while not self._rate.tick(self.now_s):
+            await wait_until(self._wake, self._rate.next_s)
+            self._wake.clear()
+            reason = self._listen()
+            if reason is not None:  # at once, not at the next beat
+                self._send(NEUTRAL)
+                return reason
+        self._send(self._velocity)
+        if self._stopping.is_set():
+            self._send(NEUTRAL)
+            raise AbortedError("interrupted")
+        return self._listen()
+
+    async def wait(self, seconds: float) -> None:
+        """Stand still for a time."""
+        end_s = self.now_s + seconds
+        while self.now_s < end_s:
+            await self.beat()
+
+    async def ask(self, question: str) -> str:
+        """Ask the person, and return the typed line.
+
+        Raises:
+            AbortedError: the terminal was closed, or a signal ends the program.
+        """
+        editor = LineEditor()
+        self._person.take()  # keys from before the question do not answer it
+        self._person.say(question)
+        self._person.echo("")
+        while True:
+            await self.beat()
+            before = editor.text
+            line = editor.feed(self._person.take())
+            if line is not None:
+                self._person.echo(line, ends=True)
+                return line
+            if self._person.has_ended:
+                raise AbortedError("the terminal was closed")
+            if editor.text != before:
+                self._person.echo(editor.text)
+
+    def _send(self, velocity: Velocity) -> None:
+        if self._holder.holds:
+            self._cmd_vel.put(planar_twist(*velocity))
+
+    def _listen(self) -> str | None:
+        """Take what has arrived; return why a drive must end, or None."""
+        for odometry in self._odometry.take():
+            if odometry.message is not None:
+                self._hear_odometry(odometry.message, odometry.arrival_s)
+        for command in self._commands.take():
+            if (twist := command.message) is not None:
+                self.trace.add_command(Command(command.arrival_s, twist.linear.x, twist.angular.z))
+        for arrival in self._scans.take():
+            scan = to_scan(arrival, 0.0)
+            if scan is not None and len(scan.ranges) > 0:
+                self._scan_s = scan.arrival_s
+                self.trace.add_scan(scan)
+        reasons = [self._hear_status(s.message, s.arrival_s) for s in self._statuses.take() if s.message]
+        return next(filter(None, reasons), None)
+
+    def _hear_odometry(self, message: Odometry, arrival_s: float) -> None:
+        pose, twist = Pose.of(message), message.twist.twist
+        if pose.is_finite and math.isfinite(twist.linear.x) and math.isfinite(twist.angular.z):
+            self.trace.add_odometry(Odom(arrival_s, pose, twist.linear.x, twist.angular.z))
+
+    def _hear_status(self, status: SafetyStatus, arrival_s: float) -> str | None:
+        self._status, self._status_s = status, arrival_s
+        reason = what_stops(status, self._source)
+        return reason if reason is None or not status.detail else f"{reason}: {status.detail}"
+
+    # --- what is known
+
+    def wall(self) -> Wall | None:
+        """Return the wall as it was seen last, in the lidar's frame; None if it is lost."""
+        return self.trace.wall(self.now_s)
+
+    def bearing_rad(self, wall: Wall) -> float:
+        """Return the direction of a wall by the configured mount, counter-clockwise from straight ahead."""
+        return math.remainder(wall.bearing_rad + self._lidar.yaw_rad, math.tau)
+
+    def gap_m(self, wall: Wall) -> float:
+        """Return the distance from the circle around the hull to a wall."""
+        bearing_rad = self.bearing_rad(wall)
+        of_lidar_m = self._lidar.x_m * math.cos(bearing_rad) + self._lidar.y_m * math.sin(bearing_rad)
+        return wall.distance_m + of_lidar_m - self._hull_radius_m
+
+    def silent(self) -> str | None:
+        """Return a text about a required stream that is silent; None if there is none."""
+        now_s = self.now_s
+        odom_s = self.trace.odometry[-1].at_s if self.trace.odometry else -math.inf
+        for name, heard_s, limit_s in (
+            ("the supervisor", self._status_s, STATUS_SILENT_S),
+            ("odometry", odom_s, ODOM_SILENT_S),
+            (f"the lidar {self._lidar.name}", self._scan_s, max(SCAN_SILENT_S, self._lidar.timeout_s or 0.0)),
+        ):
+            if now_s - heard_s > limit_s:
+                return f"{name} is silent"
+        return None
+
+    # --- driving
+
+    async def ready(self) -> None:
+        """Wait until the supervisor permits this source to drive.
+
+        Raises:
+            SurpriseError: it does not.
+        """
+        end_s = self.now_s + ARM_LIMIT_S
+        while True:
+            await self.beat()
+            missing = self.silent() or (
+                what_is_missing(self._status, self._source) if self._status is not None else "no status"
+            )
+            if missing is None:
+                return
+            if self.now_s > end_s:
+                raise SurpriseError(f"the robot may not drive: {missing}")
+
+    async def drive(
+        self, drive: Drive, base: Base, *, is_first: bool = False, until_estop: bool = False
+    ) -> Driven:
+        """Drive from rest to rest. A drive back also ends where no lidar looks.
+
+        Args:
+            drive: the motion.
+            base: what is assumed of the base.
+            is_first: whether it is unknown yet which way base, odometry and lidar go: no direction is a surprise.
+            until_estop: whether an e-stop is expected.
+
+        Raises:
+            SurpriseError: something unexpected happened, or a key was pressed.
+        """
+        await self.ready()
+        await self.wait(LEARN_S)
+        started_s = self.now_s
+        before = self.trace.between(started_s - LEARN_S, started_s).mean_wall()
+        if before is None or not self.trace.odometry:
+            raise SurpriseError("the wall is lost: nothing may stand or walk between the robot and the wall")
+        start, gap_m = self.trace.odometry[-1].pose, self.gap_m(before)
+        if drive.way_m > 0.0 and gap_m < (needs_m := drive.needs_m(base)):
+            raise SurpriseError(f"the drive needs {needs_m:.2f} m, and the wall is {gap_m:.2f} m away")
+        watch = Watch(drive, base, start, before, gap_m, started_s, is_first=is_first)
+        expected = StopReason.ESTOP if until_estop else StopReason.SCAN_BLIND if drive.way_m < 0.0 else None
+        self._person.take()
+        forward, turn = math.copysign(drive.speed, drive.way_m), math.copysign(drive.speed, drive.turn_rad)
+        self._velocity = Velocity(0.0, turn) if drive.turn_rad else Velocity(forward, 0.0)
+        try:
+            while not watch.is_done(self.trace.odometry[-1], self.wall()):
+                reason = await self.beat()
+                if reason is not None and self._is_stopped_by(expected):
+                    break
+                self._check(reason, watch)
+                self._person.show(f"{drive}: {watch.progress(self.trace.odometry[-1])}")
+        finally:
+            self._velocity = NEUTRAL
+            self._send(NEUTRAL)
+        rest_s = await self._rest(watch, expected)
+        after = self.trace.between(rest_s - LEARN_S, rest_s).mean_wall()
+        if after is None:
+            raise SurpriseError("the wall is lost: nothing may stand or walk between the robot and the wall")
+        trace = self.trace.between(started_s - LEARN_S, rest_s)
+        moving_s = [command.at_s for command in trace.commands if not command.is_zero]
+        zeros_s = [c.at_s for c in trace.commands if c.is_zero and moving_s and c.at_s > moving_s[-1]]
+        end = self.trace.odometry[-1].pose
+        stopped_s = zeros_s[0] if zeros_s else math.nan
+        return Driven(trace, start, end, before, after, started_s, stopped_s, rest_s)
+
+    def _is_stopped_by(self, reason: StopReason | None) -> bool:
+        """Return whether this reason has stopped the robot."""
+        return self._status is not None and any(reason in some for some in self._status.causes_and_latched())
+
+    def _check(self, reason: str | None, watch: "Watch") -> None:
+        """Raise SurpriseError if something is unexpected."""
+        if self._person.take() or self._person.has_ended:
+            reason = "a key was pressed"
+        wall = self.wall()
+        reason = reason or self.silent()
+        if reason is None and wall is None:
+            reason = "the wall is lost: nothing may stand or walk between the robot and the wall"
+        if reason is None and wall is not None:
+            reason = watch.surprise(self.now_s, self.trace.odometry[-1], wall, self.gap_m(wall))
+        if reason is not None:
+            raise SurpriseError(reason)
+
+    async def _rest(self, watch: "Watch", expected: StopReason | None) -> float:
+        """Wait until the robot has been at rest for `LEARN_S`; return the time."""
+        end_s, still_s = self.now_s + REST_LIMIT_S, math.inf
+        while self.now_s - still_s < LEARN_S + 0.1:
+            reason = await self.beat()
+            wall = self.wall()
+            if wall is not None and watch.is_too_near(self.gap_m(wall)):
+                reason = "it comes closer to the wall than planned"
+            elif self._is_stopped_by(expected):
+                reason = None
+            if reason is not None:
+                raise SurpriseError(reason)
+            newest = self.trace.odometry[-1]
+            if not is_still(newest.linear_m_s, newest.angular_rad_s):
+                still_s = math.inf
+            elif math.isinf(still_s):
+                still_s = newest.at_s
+            if self.now_s > end_s:
+                raise SurpriseError(f"the robot is not at rest {REST_LIMIT_S:g} s after zero was commanded")
+        return self.now_s
+
+    def heard_estop_s(self, since_s: float) -> float | None:
+        """Return when the first command was zero after the last motion since a time, if the e-stop is latched; else None."""
+        if not self._is_stopped_by(StopReason.ESTOP):
+            return None
+        moving_s = [c.at_s for c in self.trace.commands if c.at_s >= since_s and not c.is_zero]
+        zeros_s = [c.at_s for c in self.trace.commands if moving_s and c.at_s > moving_s[-1]]
+        return zeros_s[0] if zeros_s else None

@@ -1,0 +1,146 @@
+"""Which way a lidar looks, and the scale and the signs of odometry, from straight drives and turns before a wall.
+
+When the base drives the way s by odometry, the distance of a wall at the bearing φ from the lidar changes by
+
+    Δd = -k · s · cos(φ - ψ)
+
+with the scale k (the true way per way of odometry) and the direction ψ of the base's x axis in the lidar's frame. The yaw of the
+mount is -ψ. Drives at two headings determine both. When the base turns, the bearing of the wall changes by the opposite angle; of
+a mirrored lidar, by the same.
+
+Motion alone cannot separate a mirrored lidar from a wrong turn sign of odometry, or a lidar that is turned by 180 degrees from a
+wrong forward sign: a person who sees the robot decides.
+"""
+
+import math
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from commission.estimate import UNKNOWN, Estimate, least_squares, of_repeats
+from commission.wall import Wall
+
+LEAST_M = 0.1
+LEAST_RAD = 0.3
+"""A shorter drive or turn is not judged."""
+LEAST_SPREAD_RAD = 0.3
+"""With all walls at nearly the same bearing, straight drives do not show the yaw."""
+
+
+class Straight(NamedTuple):
+    """A straight drive from rest to rest."""
+
+    odometry_m: float
+    """The way ahead by odometry; negative for a way back."""
+    before: Wall
+    after: Wall
+    """The wall in the lidar's frame, as seen from above."""
+
+    @property
+    def nearer_m(self) -> float:
+        return self.before.distance_m - self.after.distance_m
+
+    @property
+    def bearing_rad(self) -> float:
+        """Mean bearing of the wall."""
+        return self.before.bearing_rad + 0.5 * turn_between(self.before, self.after)
+
+
+class Turn(NamedTuple):
+    """A turn on the spot from rest to rest."""
+
+    odometry_rad: float
+    before: Wall
+    after: Wall
+
+
+def turn_between(before: Wall, after: Wall) -> float:
+    """Return the change of a wall's bearing, in [-π, π]."""
+    return math.remainder(after.bearing_rad - before.bearing_rad, math.tau)
+
+
+class Heading(NamedTuple):
+    """What straight drives show."""
+
+    yaw_rad: Estimate
+    """Direction of the lidar's x axis in the base frame."""
+    scale: Estimate
+    """The true way per way of odometry."""
+
+
+def heading(straights: Sequence[Straight]) -> Heading:
+    """Return the yaw of the lidar and the scale of odometry, from at least three straight drives.
+
+    With all drives at one heading, the yaw stays unknown, and the scale is that of drives toward the wall.
+    """
+    driven = [one for one in straights if abs(one.odometry_m) >= LEAST_M]
+    if not driven:
+        return Heading(UNKNOWN, UNKNOWN)
+    bearings = np.array([one.bearing_rad for one in driven])
+    spread_rad = max(abs(math.remainder(b - bearings[0], math.tau)) for b in bearings.tolist())
+    if spread_rad < LEAST_SPREAD_RAD:
+        return Heading(UNKNOWN, of_repeats([one.nearer_m / one.odometry_m for one in driven]))
+    ways = np.array([one.odometry_m for one in driven])
+    design = np.stack((ways * np.cos(bearings), ways * np.sin(bearings)), axis=1)
+    fit = least_squares(design, np.array([one.nearer_m for one in driven]))
+    a, b = fit.parameters.tolist()
+    scale = math.hypot(a, b)
+    if scale == 0.0:
+        return Heading(UNKNOWN, UNKNOWN)
+    yaw = fit.estimate(-math.atan2(b, a), np.array([b, -a]) / scale**2)
+    return Heading(yaw, fit.estimate(scale, np.array([a, b]) / scale))
+
+
+def turn_scale(turns: Sequence[Turn]) -> Estimate:
+    """Return the true turn per turn of odometry; negative if lidar and odometry disagree on the direction."""
+    turned = [one for one in turns if abs(one.odometry_rad) >= LEAST_RAD]
+    return of_repeats([-turn_between(one.before, one.after) / one.odometry_rad for one in turned])
+
+
+class Mistake(StrEnum):
+    """A wrong sign or mount; the value is the sentence for the person."""
+
+    BASE_BACKWARDS = (
+        "the base drives backwards when it is commanded ahead: correct the sign in its driver or its wiring"
+    )
+    BASE_TURNS_BACK = "the base turns right when it is commanded to turn left: correct the sign in its driver or swap its motors"
+    ODOMETRY_BACKWARDS = "odometry has the wrong forward sign: correct it in the base's driver"
+    ODOMETRY_TURNS_BACK = "odometry has the wrong turn sign: correct it in the base's driver"
+    LIDAR_TURNED = "the surface ahead, by the lidar's mount, is not ahead of the robot: correct yaw_rad, by π for example"
+    LIDAR_MIRRORED = "the lidar is mirrored: change flip in its table"
+
+
+def forward_mistakes(drive: Straight, *, seen_ahead: bool) -> frozenset[Mistake]:
+    """Return what is wrong after a drive that was commanded ahead, toward the wall.
+
+    Args:
+        drive: the drive.
+        seen_ahead: whether a person saw the robot drive ahead.
+    """
+    found: set[Mistake] = set()
+    if not seen_ahead:
+        found.add(Mistake.BASE_BACKWARDS)
+    if (drive.odometry_m > 0.0) is not seen_ahead:
+        found.add(Mistake.ODOMETRY_BACKWARDS)
+    if (drive.nearer_m > 0.0) is not seen_ahead:
+        found.add(Mistake.LIDAR_TURNED)
+    return frozenset(found)
+
+
+def turn_mistakes(turn: Turn, *, seen_left: bool) -> frozenset[Mistake]:
+    """Return what is wrong after a turn that was commanded to the left.
+
+    Args:
+        turn: the turn.
+        seen_left: whether a person saw the robot turn left.
+    """
+    found: set[Mistake] = set()
+    if not seen_left:
+        found.add(Mistake.BASE_TURNS_BACK)
+    if (turn.odometry_rad > 0.0) is not seen_left:
+        found.add(Mistake.ODOMETRY_TURNS_BACK)
+    if (turn_between(turn.before, turn.after) < 0.0) is not seen_left:
+        found.add(Mistake.LIDAR_MIRRORED)
+    return frozenset(found)

@@ -1,0 +1,123 @@
+"""The dead time and the deceleration of the base, from stops before the wall at several speeds.
+
+A base that keeps its speed v for the dead time D, and then brakes with a, drives x = v·D + v²/2a after zero is commanded:
+
+    x / v = D + v / 2a
+
+is a line through the stops. The way x is measured at the wall, so that it contains what slipping wheels do not show in odometry.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from commission.estimate import UNKNOWN, Estimate, Floats, least_squares
+from supervisor.law.base_braking import UNMEASURED, measure
+
+STEADY_S = 0.4
+"""The robot must have driven steadily for this long before the stop."""
+UNSTEADY_SHARE = 0.1
+REST_S = 0.3
+LEAST_STOPS = 4
+LEAST_SPEED_M_S = 0.08
+
+
+class Stop(NamedTuple):
+    """One stop toward the wall."""
+
+    speed_m_s: float
+    """True speed when zero was commanded."""
+    way_m: float
+    """Way from then to the standstill, by the wall."""
+    odometry_m: float
+    """The same by odometry, corrected by its scale."""
+
+
+def stop_of(
+    stopped_s: float,
+    rest_s: float,
+    odometry: Floats,
+    walls: Floats,
+    *,
+    scale: float = 1.0,
+    latency_s: float = 0.0,
+) -> Stop | None:
+    """Return a stop; None if the robot did not drive steadily before it, or did not come to rest.
+
+    Args:
+        stopped_s: when zero was commanded.
+        rest_s: when the robot had been at rest for `REST_S`.
+        odometry: (n, 3) arrival [s], way toward the wall [m], speed toward it [m/s].
+        walls: (m, 2) arrival [s], distance [m].
+        scale: the true way per way of odometry.
+        latency_s: latency of the scans.
+    """
+    at_s = odometry[:, 0]
+    before = odometry[(at_s > stopped_s - STEADY_S) & (at_s <= stopped_s)]
+    after = odometry[(at_s > rest_s - REST_S) & (at_s <= rest_s)]
+    seen_s = walls[:, 0] - latency_s
+    walls_before = (seen_s > stopped_s - STEADY_S) & (seen_s <= stopped_s)
+    walls_after = (seen_s > rest_s - REST_S) & (seen_s <= rest_s)
+    if min(len(before), len(after)) < 2 or not walls_before.any() or not walls_after.any():
+        return None
+    speed_m_s = scale * float(before[:, 2].mean())
+    if speed_m_s < LEAST_SPEED_M_S or scale * float(np.ptp(before[:, 2])) > 2 * UNSTEADY_SHARE * speed_m_s:
+        return None
+    # At a steady speed, each earlier sample shows where the robot was when zero was commanded.
+    then_m = float(np.mean(walls[walls_before, 1] - speed_m_s * (stopped_s - seen_s[walls_before])))
+    driven_m = float(np.mean(before[:, 1] + before[:, 2] * (stopped_s - before[:, 0])))
+    way_m = then_m - float(walls[walls_after, 1].mean())
+    return Stop(speed_m_s, way_m, scale * (float(after[:, 1].mean()) - driven_m))
+
+
+class Brakes(NamedTuple):
+    """What stops show."""
+
+    dead_time_s: Estimate
+    deceleration_m_s2: Estimate
+    slip: Estimate
+    """The part of the way of a stop that odometry does not show, as a share."""
+
+
+def brakes(stops: Sequence[Stop]) -> Brakes:
+    """Return dead time and deceleration from at least `LEAST_STOPS` stops at two or more speeds."""
+    if len(stops) < LEAST_STOPS:
+        return Brakes(UNKNOWN, UNKNOWN, UNKNOWN)
+    speeds = np.array([stop.speed_m_s for stop in stops])
+    ways = np.array([stop.way_m for stop in stops])
+    line = least_squares(np.stack((np.ones_like(speeds), speeds), axis=1), ways / speeds)
+    dead_s, slope = line.parameters.tolist()
+    dead = line.estimate(dead_s, np.array([1.0, 0.0]))
+    rise = line.estimate(slope, np.array([0.0, 1.0]))
+    shares = least_squares(ways[:, None], np.array([stop.odometry_m for stop in stops]))
+    slip = shares.estimate(1.0 - float(shares.parameters[0]), np.array([1.0]))
+    if slope <= 0.0 or rise.low <= 0.0:
+        return Brakes(dead, UNKNOWN._replace(n=len(stops)), slip)
+    value = 1.0 / (2.0 * slope)
+    # The lower end is exact: the weakest brakes that the line permits.
+    return Brakes(dead, Estimate(value, value - 1.0 / (2.0 * rise.high), len(stops)), slip)
+
+
+def by_the_law(stopped_s: float, odometry: Floats, commanded_m_s: float, standing_m_s: float) -> float:
+    """Return the deceleration that the safety law measures in the same stop [m/s²]; NaN if it measures none.
+
+    Args:
+        stopped_s: when zero was commanded.
+        odometry: (n, 3) as for `stop_of`.
+        commanded_m_s: the speed that was commanded before.
+        standing_m_s: a slower base counts as standing still.
+    """
+    state = UNMEASURED
+    for at_s, _, speed_m_s in odometry.tolist():
+        since_s = stopped_s if at_s > stopped_s else None
+        state = measure(
+            state,
+            abs(speed_m_s),
+            at_s,
+            commanded_m_s=commanded_m_s,
+            stopped_s=since_s,
+            standing_m_s=standing_m_s,
+        )
+    return state.shown_m_s2[-1] if state.shown_m_s2 else math.nan

@@ -1,0 +1,64 @@
+"""Converts what a supervised robot recorded, in its black box or on the wire, to events for the monitors and moments. Pure."""
+
+from collections.abc import Iterator
+
+from recordings.judge.findings import BARRIER, Moment
+from recordings.judge.monitors import Event, Pressed, Released, Request, Step
+from supervisor.law.decision import Decision
+from supervisor.law.model import Inputs
+from supervisor.law.reckoning import STANDSTILL, Velocity
+from wire.message_types import SafetyStatus
+from wire.reasons import StopReason
+from wire.ros import Twist
+
+ESTOPS = frozenset({StopReason.ESTOP.value, StopReason.ESTOP_STATION_LOST.value})
+
+
+def events_of_step(
+    now_s: float, inputs: Inputs, decision: Decision, origin_s: float = 0.0
+) -> Iterator[Event]:
+    """Yield the events of a step of the law, in order.
+
+    Args:
+        now_s: the time of the step.
+        inputs: what was received since the last step.
+        decision: the decision of the step.
+        origin_s: the time from which the events count.
+    """
+    time_s = now_s - origin_s
+    for command in inputs.commands:
+        if command.velocity is not None:
+            is_neutral = command.velocity == STANDSTILL
+            yield Request(command.arrival_s - origin_s, command.source, is_neutral)
+    if inputs.estop or any(presence.stop for presence in inputs.presences):
+        yield Pressed(time_s)
+    moves = decision.output != STANDSTILL
+    causes, reasons = frozenset(map(str, decision.causes)), frozenset(map(str, decision.reasons))
+    yield Step(time_s, moves, causes, reasons, decision.owner)
+    if decision.reset_reply is not None and decision.reset_reply.success:
+        yield Released(time_s)
+
+
+def events_of_status(time_s: float, status: SafetyStatus) -> Iterator[Event]:
+    """Yield the events of a status: one step, and a reset if it names no e-stop: a reset itself is not recorded."""
+    causes, reasons = frozenset(status.causes_and_latched()[0]), frozenset(status.reasons)
+    yield Step(time_s, velocity_of(status.permitted) != STANDSTILL, causes, reasons, status.owner)
+    if not causes & ESTOPS:
+        yield Released(time_s)
+
+
+def velocity_of(twist: Twist) -> Velocity:
+    return Velocity(twist.linear.x, twist.angular.z)
+
+
+def moment_of_status(time_s: float, status: SafetyStatus) -> Moment:
+    return Moment(
+        time_s,
+        velocity_of(status.commanded),
+        tuple(status.reasons),
+        tuple(status.causes) or (BARRIER,),
+        status.scale,
+        status.nearest_m,
+        status.nearest_bearing_rad,
+        status.detail,
+    )

@@ -1,0 +1,193 @@
+"""Every file that a command reads: any content gives a result or one sentence, and nothing that a terminal obeys."""
+
+import gzip
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from lifeline.cli.app import app
+from recordings.incidents.commands import Series, plot
+from recordings.recording import Recorded, RecordingReader, RecordingWriter
+from tests.fuzz.files import feed, fuzz_files, readers
+from tests.unit.recordings.test_incident import stopped
+from tests.unit.supervisor.blackbox.test_reader import rewrite
+from wire.messages import Twist
+
+Change = Callable[[list[dict[str, Any]]], object]
+COMMANDS = (
+    ("incidents", "show"),
+    ("incidents", "show", "--json"),
+    ("incidents", "export"),
+    ("replay-decision",),
+    ("replay-decision", "--json"),
+    ("judge",),
+)
+
+
+def first_step(lines: list[dict[str, Any]]) -> dict[str, Any]:
+    return next(line for line in lines if "inputs" in line)
+
+
+def at(lines: list[dict[str, Any]], *path: Any) -> None:  # noqa: ANN401 - keys, then any JSON value
+    """Replace one value of the header, the first state or the first step by the last part of the path."""
+    *parts, key, value = path
+    place: Any = {"header": lines[0], "state": lines[1]["state"], **first_step(lines)}
+    for part in parts:
+        place = place[part]
+    place[key] = value
+
+
+def _scan(lines: list[dict[str, Any]]) -> dict[str, Any]:
+    return first_step(lines)["inputs"]["scans"][0]
+
+
+DAMAGE: dict[str, Change] = {
+    "a null lidar": lambda lines: at(lines, "header", "config", "lidars", [None]),
+    "a null hull": lambda lines: at(lines, "header", "config", "hull", None),
+    "a null mode": lambda lines: at(lines, "decision", "mode", None),
+    "a null reason": lambda lines: at(lines, "decision", "reasons", [None]),
+    "a null velocity": lambda lines: at(lines, "decision", "output", [None, None]),
+    "a null scan": lambda lines: at(lines, "inputs", "scans", [None]),
+    "null ranges": lambda lines: _scan(lines).update(ranges=None),
+    "ranges of texts": lambda lines: _scan(lines)["ranges"].update(dtype="<U1"),
+    "a shape beyond 63 bits": lambda lines: _scan(lines)["ranges"].update(shape=[2**63]),
+    "a lidar that there is not": lambda lines: _scan(lines).update(lidar=7),
+    "a lidar beyond 63 bits": lambda lines: _scan(lines).update(lidar=2**63),
+    "a null source": lambda lines: at(lines, "state", "interlock", "sources", [None]),
+    "no source": lambda lines: at(lines, "state", "interlock", "sources", []),
+    "no sight": lambda lines: at(lines, "state", "sight", "lidars", []),
+    "a time that is no number": lambda lines: at(lines, "now_s", "NaN"),
+    "a null time": lambda lines: at(lines, "now_s", None),
+    "a number of 401 digits": lambda lines: at(lines, "now_s", 10**400),
+    "deep lists": lambda lines: at(lines, "decision", "detail", json.loads("[" * 500 + "]" * 500)),
+    "a hull without radius": lambda lines: at(lines, "header", "config", "hull", "radius_m", 0.0),
+    "infinite limits": lambda lines: lines[0]["config"].update(
+        max_linear_m_s="Infinity", max_angular_rad_s="Infinity"
+    ),
+    "null counts": lambda lines: lines[0].update(left_out_for_memory=None, left_out_for_file_size="x"),
+    "an infinite stop": lambda lines: lines[0]["stops"][0].update(now_s="Infinity"),
+}
+"""Changes of a valid black box; each was a traceback of at least one command, or is beside one."""
+
+
+@pytest.fixture(scope="module")
+def valid(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return stopped(tmp_path_factory.mktemp("valid"))
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner().invoke(app, list(arguments))
+
+
+def assert_a_result_or_a_sentence(result: Result) -> None:
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    assert result.exit_code in {0, 1, 2}
+    if result.exit_code == 2:
+        assert result.stderr.startswith("lifeline: ")
+        assert result.stderr.count("\n") == 1
+    assert "Traceback" not in result.output
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("change", DAMAGE.values(), ids=DAMAGE)
+def test_a_damaged_black_box_gives_rows_or_one_sentence_and_hides_no_other(
+    tmp_path: Path, valid: Path, change: Change
+) -> None:
+    (tmp_path / "blackbox").mkdir()
+    (tmp_path / "blackbox" / valid.name).write_bytes(valid.read_bytes())
+    bad = tmp_path / "blackbox" / "20260704T110000.000Z-OBSTACLE.jsonl.gz"
+    bad.write_bytes(valid.read_bytes())
+    rewrite(bad, change)
+    for command in COMMANDS:
+        out = [str(tmp_path / "out.mcap")] if command[-1] == "export" else []
+        assert_a_result_or_a_sentence(run(*command, str(bad), *out))
+        (tmp_path / "out.mcap").unlink(missing_ok=True)
+    listed = run("incidents", "list", "--state-dir", str(tmp_path))
+    assert listed.exit_code == 0, listed.output
+    assert "20260704T110000" in listed.stdout
+    assert "20260704T120000" in listed.stdout
+    _, other = json.loads(run("incidents", "list", "--state-dir", str(tmp_path), "--json").stdout)
+    assert (other["reasons"], other["problem"]) == (["OBSTACLE", "COMMAND_TIMEOUT", "SCAN_STALE"], None)
+
+
+def test_values_that_contradict_each_other_are_named_as_damage(tmp_path: Path) -> None:
+    path = stopped(tmp_path)
+    rewrite(path, DAMAGE["no sight"])
+    result = run("replay-decision", str(path))
+    assert result.exit_code == 2
+    assert "is damaged: " in result.stderr
+
+
+def test_names_of_a_black_box_reach_the_terminal_printable_and_without_markup(tmp_path: Path) -> None:
+    path = stopped(tmp_path)
+    hostile = "\x1b]0;x\x07[red]name[/]"
+
+    def change(lines: list[dict[str, Any]]) -> None:
+        lines[0]["stops"][0]["reasons"] = [hostile]
+        lines[0]["python"] = hostile
+        lines[-2]["decision"]["scale"] = 0.123
+
+    rewrite(path, change)
+    result = run("replay-decision", str(path))
+    assert result.exit_code == 1, result.output
+    assert result.stdout.count("?]0;x?[red]name[/]") == 2
+    assert "\x1b" not in result.stdout
+
+
+def test_a_value_beyond_all_measures_is_not_drawn() -> None:
+    text = plot("speed", [0.0, 1.0], [Series("measured", "o", "", [1e308, -1e308])], width=40, height=4).plain
+    assert "o" not in text.partition("measured")[2]
+
+
+def test_a_recording_ends_at_a_time_that_no_tool_accepts(tmp_path: Path) -> None:
+    path = tmp_path / "r.mcap"
+    writer = RecordingWriter(path)
+    writer.write(Recorded("/robot/cmd_vel", Twist.__msgtype__, (1 << 63) - 1, 0, b""))
+    writer.write(Recorded("/robot/cmd_vel", Twist.__msgtype__, 1 << 63, 1, b""))
+    writer.close()
+    reader = RecordingReader(path)
+    assert [message.sequence for message in reader.messages()] == [0]
+    assert reader.cut
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["a = " + "[" * 100_000, "[bus]\nnamespace = " + "9" * 5000, "[bus]\nnamespace = '" + "x" * 70_000 + "'"],
+)
+def test_a_configuration_that_is_nested_or_long_is_refused_in_a_short_sentence(
+    tmp_path: Path, text: str
+) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(text)
+    result = run("check", str(path))
+    assert result.exit_code == 2, result.output
+    assert len(result.stderr) < 1000
+    assert "Traceback" not in result.stderr
+
+
+def test_damaged_files_of_every_kind_are_read_or_refused(tmp_path: Path) -> None:
+    assert [(found.reader, found.what) for found in fuzz_files(0, 12, tmp_path)] == []
+
+
+@pytest.mark.proof
+def test_many_damaged_files_of_every_kind_are_read_or_refused(tmp_path: Path) -> None:
+    assert [(found.reader, found.what) for found in fuzz_files(1, 200, tmp_path)] == []
+
+
+def test_a_reader_that_raises_is_found(tmp_path: Path) -> None:
+    box, *_ = readers(tmp_path / "seeds")
+
+    def raise_it(path: Path) -> object:
+        return json.loads(gzip.decompress(path.read_bytes()))
+
+    def print_it(path: Path) -> object:
+        return print("\x1b[31m", path.name)
+
+    broken = box._replace(read=raise_it)
+    assert "JSONDecodeError" in feed(broken, tmp_path, box.seed)
+    printing = box._replace(read=print_it)
+    assert "the terminal is sent" in feed(printing, tmp_path, box.seed)
