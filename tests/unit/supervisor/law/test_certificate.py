@@ -33,6 +33,7 @@ from tests.unit.supervisor.law.law_harness import (
     on_time,
     ring,
 )
+from tests.unit.supervisor.law.smt import decided, reals
 
 WHEEL = b"wheel"
 FREE_M = 8.0
@@ -422,6 +423,62 @@ def test_remembered_points_count() -> None:
     print(
         certificate(law).free_m, [(p.around.kind, p.around.clearance_m.min()) for p in law.state.sight.places]
     )
+
+
+# --- over all real numbers
+
+PREMISES = {
+    "signs": "(and (>= stop 0) (>= touch 0) (>= stray 0) (> k 0) (>= late 0) (>= alone 0) (>= t 0) (>= age_i 0) (>= next_i 0))",
+    "the oldest scan is taken as the age of each place": "(<= age_i age)",
+    "and the latest next scan as the age that it reaches": "(<= next_i next)",
+    "the step considers no higher speed": "(and (<= 0 v) (<= v V))",
+    "free_m contains the way up to the last odometer": "(and (<= 0 before) (<= free (- clearance before)))",
+    "and the hull moves by at most V t since": "(and (<= 0 since) (<= since (* V t)) (<= moved (+ before since)))",
+    "the certificate needs the reach of the first bound": "(enough stop (+ next late))",
+    "and of the second one, unless it follows from the first": (
+        "(or (enough touch (+ age alone late)) (<= (* V (- (+ age alone late) (+ next late))) (- stop touch)))"
+    ),
+}
+REACH = (
+    reals("stop touch stray k late alone age next age_i next_i V v t free clearance before since moved")
+    + """
+(define-fun reach ((distance Real) (reaction Real) (w Real)) Real (+ distance stray (* w reaction) (* k w w)))
+(define-fun enough ((distance Real) (reaction Real)) Bool (<= (+ (reach distance reaction V) (* V t)) free))
+(define-fun outside ((distance Real) (reaction Real)) Bool (>= clearance (+ (reach distance reaction v) moved)))
+"""
+)
+"""A place with its least clearance, its age now (`age_i`) and when it is seen again (`next_i`). k = 1 / 2a; `alone` is the
+timeout of the base; v is the speed of the step, V that of the certificate; t is the time since the last odometer."""
+OUTSIDE_BOTH = "(and (outside stop (+ next_i late)) (outside touch (+ age_i alone late)))"
+"""`in_reach` selects no point of the place, for either bound."""
+
+
+def in_reach_answer(without: str = "") -> str:
+    """Return z3's answer to whether a point may be in reach."""
+    given = "".join(f"(assert {premise})" for name, premise in PREMISES.items() if name != without)
+    return decided(f"{REACH}{given}(assert (not {OUTSIDE_BOTH}))")
+
+
+def test_what_the_certificate_needs_leaves_no_point_in_reach_over_all_reals() -> None:
+    assert in_reach_answer() == "unsat"
+
+
+@pytest.mark.parametrize("name", PREMISES)
+def test_that_no_point_is_in_reach_needs_each_premise(name: str) -> None:
+    """So the proof is not empty, and no premise is there in vain."""
+    assert in_reach_answer(without=name) == "sat"
+
+
+def test_the_way_of_two_motions_is_at_most_the_sum_of_both_over_all_reals() -> None:
+    given = (
+        reals("x y X Y one other both")
+        + """
+(define-fun is-length ((l Real) (x Real) (y Real)) Bool (and (>= l 0) (= (* l l) (+ (* x x) (* y y)))))
+(assert (and (is-length one x y) (is-length other X Y) (is-length both (+ x X) (+ y Y))))
+"""
+    )
+    assert decided(given) == "sat"
+    assert decided(given + "(assert (> both (+ one other)))") == "unsat"
 
 
 # --- in random scenes
