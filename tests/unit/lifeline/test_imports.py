@@ -27,6 +27,29 @@ def test_only_the_command_keys_loads_cryptography(tmp_path: Path) -> None:
     assert _python(f"import sys, {modules}; print('cryptography' in sys.modules)", tmp_path) == "False"
 
 
+CONFIGURATION = {"annotated_types", "numpy", "pydantic", "pydantic_core", "typing_extensions", "typing_inspection"}
+BUS = CONFIGURATION | {"rosbags", "zenoh"}
+COMMAND = {"annotated_doc", "shellingham", "typer"}
+IMPORTED = {
+    "supervisor.__main__": BUS,
+    "teleop.__main__": BUS,
+    "lifeline.cli.app": COMMAND,
+    "lifeline.cli.app, lifeline.status": COMMAND | BUS | {"rich"},
+    "lifeline.cli.app, lifeline.inspection.keys": COMMAND | CONFIGURATION,
+    "lifeline.cli.app, lifeline.check.check": COMMAND | CONFIGURATION | {"rich"},
+}
+"""The packages of others that a program or command imports: they are most of the time of its start."""
+
+
+@pytest.mark.parametrize("modules", IMPORTED)
+def test_a_program_imports_only_the_packages_that_it_needs(modules: str, tmp_path: Path) -> None:
+    code = (
+        f"import sys, {modules}; print(*{{name.partition('.')[0] for name, module in sys.modules.items()"
+        " if 'site-packages' in (getattr(module, '__file__', None) or '')})"
+    )
+    assert {*_python(code, tmp_path).split()} == IMPORTED[modules]
+
+
 @pytest.mark.parametrize("name", PACKAGES)
 def test_our_names_are_ours_from_any_directory(name: str, tmp_path: Path) -> None:
     found = _python(f"import {name}; print({name}.__file__)", tmp_path)
