@@ -252,7 +252,9 @@ def _explain(
         causes=by_severity(causes),
         latched=by_severity(reasons - causes),
         limit=limit,
-        detail=detail_of(
+        detail=""  # the texts are a twelfth of a step on a free path
+        if not causes and limit is None
+        else detail_of(
             causes,
             limit,
             is_too_fast=limit is Limit.COMMAND_AGE and renewed(0.0, commanded, config) < 1.0,

@@ -27,7 +27,14 @@ def test_only_the_command_keys_loads_cryptography(tmp_path: Path) -> None:
     assert _python(f"import sys, {modules}; print('cryptography' in sys.modules)", tmp_path) == "False"
 
 
-CONFIGURATION = {"annotated_types", "numpy", "pydantic", "pydantic_core", "typing_extensions", "typing_inspection"}
+CONFIGURATION = {
+    "annotated_types",
+    "numpy",
+    "pydantic",
+    "pydantic_core",
+    "typing_extensions",
+    "typing_inspection",
+}
 BUS = CONFIGURATION | {"rosbags", "zenoh"}
 COMMAND = {"annotated_doc", "shellingham", "typer"}
 IMPORTED = {
