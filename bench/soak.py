@@ -10,7 +10,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -21,7 +21,8 @@ import numpy.typing as npt
 from pydantic import TypeAdapter
 
 from bench.rig import load
-from bench.rig.feed import ODOM_HZ, SimulatedRobot, Stream, client, simulated_robot
+from bench.rig.feed import ODOM_HZ
+from bench.rig.nodes import SimulatedRobot, simulated_robot
 from bench.rig.options import CommandLine, failing_in_a_sentence, positive
 from bench.rig.sheet import Times, percentile
 from bench.rig.stored import provenance
@@ -34,6 +35,7 @@ from faults.trial_file import appending
 from wire import topics
 from wire.bus import Arrival, Bus, NoReplyError, Subscription
 from wire.messages import Odometry, SafetyStatus, header
+from wire.zenoh.bus import BusConfig, open_bus
 
 SAMPLE_S, LOOK_S = 10.0, 0.1
 DEPTH = 512
@@ -54,6 +56,7 @@ MOST_POINTS = 600
 WEDGED_STOPS = 6
 """After this many consecutive stops without a completed plan, the robot is reset to its start."""
 LET_GO_S = 0.6
+READY_LIMIT_S = 20.0
 
 
 @dataclass(frozen=True)
@@ -260,8 +263,11 @@ async def drive(robot: SimulatedRobot, duration_s: float, add: Callable[[Sample]
         RuntimeError: teleop ends.
     """
     marked = {processes.MARK: str(robot.state.path)}
-    async with client(robot.endpoint) as bus, typing(Launch.read(None, robot.endpoint), marked) as teleop:
-        await Stream(bus, topics.STATUS).next(lambda status: status.mode == SafetyStatus.READY)
+    async with AsyncExitStack() as ending:
+        bus = await open_bus(BusConfig(robot.endpoint), "client")
+        ending.push_async_callback(bus.close)
+        teleop = await ending.enter_async_context(typing(Launch.read(None, robot.endpoint), marked))
+        await _ready(bus)
         watch, operator = Watch(bus, robot.state), Operator(Random(0))
         began_s = time.monotonic()
         next_s = began_s + SAMPLE_S
@@ -278,6 +284,22 @@ async def drive(robot: SimulatedRobot, duration_s: float, add: Callable[[Sample]
             if not teleop.running:
                 raise RuntimeError(f"teleop has ended ({teleop.last_lines})")
             await asyncio.sleep(LOOK_S)
+
+
+async def _ready(bus: Bus) -> None:
+    wake = asyncio.Event()
+    statuses = bus.subscribe(topics.STATUS, wake=wake)
+    async with asyncio.timeout(READY_LIMIT_S):
+        while True:
+            await wake.wait()
+            wake.clear()
+            newest = statuses.latest()
+            if (
+                newest is not None
+                and newest.message is not None
+                and newest.message.mode == SafetyStatus.READY
+            ):
+                return
 
 
 def report(samples: Sequence[Sample]) -> bool:

@@ -1,13 +1,10 @@
-"""Write the measured parts of docs/lab.md: `python -m docs.generate.lab`.
+"""Write the measured parts of docs/lab.md.
 
-    stop      as in README.md
-    grades    the marks of three programs: docs/campaign/grade_*.json, each written by `lifeline grade --json`
-
-`--check` writes nothing and fails if a part is out of date; tests/unit/test_docs.py does the same.
+stop      as in README.md
+grades    the marks of three programs: docs/campaign/grade_*.json, each written by `lifeline grade --json`
 """
 
 import json
-import sys
 
 from bench.rig.stored import FOLDER
 from docs.generate import sections
@@ -16,7 +13,6 @@ from docs.generate.readme import stop
 from faults.grade.marks import TITLES, Fault, Mark, cm
 from faults.grade.report import from_json, points
 
-DOCUMENT = sections.ROOT / "docs/lab.md"
 GRADES = {
     "lab_alone": "the lab's node",
     "keys_alone": "`key_teleop`",
@@ -65,15 +61,4 @@ def _cell(mark: Mark) -> str:
     return f"{points(mark)}: {seen.standstill_s:.2f} s, {cm(seen.distance_m)}"
 
 
-def regenerated(text: str) -> str:
-    """Return the document with its generated parts updated.
-
-    Raises:
-        ValueError: a part has no place in the document.
-        DeployError: a result is damaged.
-    """
-    return sections.regenerated(text, {"grades": grades, "stop": lambda: stop(result("real"))}, "docs/lab.md")
-
-
-if __name__ == "__main__":
-    sys.exit(sections.main("python -m docs.generate.lab", DOCUMENT, regenerated))
+PARTS: sections.Parts = {"grades": grades, "stop": lambda: stop(result("real"))}

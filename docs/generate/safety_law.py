@@ -1,4 +1,4 @@
-"""Write the generated parts of docs/safety-law.md: `python -m docs.generate.safety_law`.
+"""Write the generated parts of docs/safety-law.md.
 
 The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 
@@ -8,12 +8,9 @@ The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
     seen      the defaults of seen space and of the memory of near points
     profiles  what each lidar profile means by "no return", and how long it trusts it
     motions   the motions that the files in deploy/examples permit, found by running the law
-
-`--check` writes nothing and fails if a part is out of date; tests/unit/test_docs.py does the same.
 """
 
 import math
-import sys
 import tempfile
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Mapping
@@ -46,7 +43,6 @@ from supervisor.law.surface import LEAST_NOISE_M
 from wire.lease import LEASE_S
 from wire.reasons import StopReason
 
-DOCUMENT = Path(__file__).parents[1] / "safety-law.md"
 DEFAULTS = SupervisorSection()
 
 
@@ -603,16 +599,3 @@ PARTS: sections.Parts = {
     "states": state_diagram,
     "reasons": reasons_table,
 }
-
-
-def regenerated(text: str) -> str:
-    """Return the document with its generated parts updated.
-
-    Raises:
-        ValueError: a part has no place in the document, or a StopReason no row.
-    """
-    return sections.regenerated(text, PARTS, "docs/safety-law.md")
-
-
-if __name__ == "__main__":
-    sys.exit(sections.main("python -m docs.generate.safety_law", DOCUMENT, regenerated))
