@@ -35,7 +35,7 @@ class Sheet:
 
     def section(self, heading: str) -> list[str]:
         """Return the lines of a section of a document, with a heading such as `##`."""
-        table = _table(self.columns, self.rows)
+        table = markdown_table(self.columns, self.rows, others="--:")
         return [f"{heading} {self.title}", "", *table, "", *(f"* {note}" for note in self.notes)]
 
     def with_note(self, note: str) -> "Sheet":
@@ -96,15 +96,6 @@ class Times:
         found = list(times_ms)
         return cls(len(found), *(percentile(found, percent) for percent in (50, 99, 100)))
 
-    @staticmethod
-    def columns(what: str, of: Callable[[T], "Times"], digits: int = 1) -> "tuple[Column[T], ...]":
-        """Return the columns of the median, the 99th percentile and the maximum."""
-        return (
-            (f"{what} p50", lambda one: f"{of(one).p50_ms:.{digits}f}"),
-            ("p99", lambda one: f"{of(one).p99_ms:.{digits}f}"),
-            ("max", lambda one: f"{of(one).max_ms:.{digits}f}"),
-        )
-
 
 def show(sheets: Iterable[Sheet], verdicts: Iterable[Verdict], run: Mapping[str, str]) -> None:
     """Print the tables, the targets and the origin of a run."""
@@ -123,10 +114,18 @@ def show(sheets: Iterable[Sheet], verdicts: Iterable[Verdict], run: Mapping[str,
     console.print(origin(run), style="dim", highlight=False)
 
 
-def _table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """Return the lines of a markdown table."""
+def markdown_table(
+    columns: Sequence[str], rows: Iterable[Sequence[str]], *, others: str = "---"
+) -> list[str]:
+    """Return the lines of a markdown table.
+
+    Args:
+        columns: their titles.
+        rows: their cells.
+        others: how the columns after the first one are aligned: `---` left, `--:` right.
+    """
     return [
         f"| {' | '.join(columns)} |",
-        f"|{'|'.join(['---'] + ['--:'] * (len(columns) - 1))}|",
+        f"|{'|'.join(['---'] + [others] * (len(columns) - 1))}|",
         *(f"| {' | '.join(row)} |" for row in rows),
     ]

@@ -3,6 +3,7 @@
 The part `roles` is the access control as a table, from the grants that the hub applies.
 """
 
+from bench.rig.sheet import markdown_table
 from docs.generate import sections
 from wire.access import Contract, Message, grants_of
 from wire.roles import Role
@@ -20,9 +21,8 @@ CONTRACT = Contract(
 
 
 def roles_table() -> str:
-    head = ["| role | " + " | ".join(title for title, _ in SHOWN) + " |", "|---|" + "---|" * len(SHOWN)]
-    roles = [role for role in Role if role is not Role.SUPERVISOR]
-    return "\n".join([*head, *(f"| {role} | " + " | ".join(_cells(role)) + " |" for role in roles)])
+    rows = ([role, *_cells(role)] for role in Role if role is not Role.SUPERVISOR)
+    return "\n".join(markdown_table(["role", *(title for title, _ in SHOWN)], rows))
 
 
 def _cells(role: Role) -> list[str]:

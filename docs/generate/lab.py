@@ -6,6 +6,7 @@ grades    the marks of three programs: docs/campaign/grade_*.json, each written 
 
 import json
 
+from bench.rig.sheet import markdown_table
 from bench.rig.stored import FOLDER
 from docs.generate import sections
 from docs.generate.crash_safety import result
@@ -29,18 +30,13 @@ def grades() -> str:
     found, runs = [from_json(text) for text in texts], [json.loads(text)["run"] for text in texts]
     columns = [{one.fault: one for one in grade.marks} for grade in found]
     loads = sections.load_of(run["machine"] for run in runs)
-    rows = [
-        f"| | {' | '.join(GRADES.values())} |",
-        f"|---|{'---|' * len(found)}",
-        *(
-            f"| {title} | {' | '.join(_cell(marks[fault]) for marks in columns)} |"
-            for fault, title in TITLES.items()
-        ),
-        f"| total | {' | '.join(f'**{grade.points:g} of {grade.of}**' for grade in found)} |",
-    ]
+    rows = [(title, *(_cell(marks[fault]) for marks in columns)) for fault, title in TITLES.items()]
+    rows.append(("total", *(f"**{grade.points:g} of {grade.of}**" for grade in found)))
     commands = ", ".join(f"`{_command(run['command'])}`" for run in runs)
     origin = f"{runs[0]['date']} to {runs[-1]['date']}, {loads}, commit {runs[-1]['commit']}"
-    return "\n".join([*rows, "", f"One run each (n = 1), {origin}: {commands}."])
+    return "\n".join(
+        [*markdown_table(("fault", *GRADES.values()), rows), "", f"One run each (n = 1), {origin}: {commands}."]
+    )
 
 
 def _command(command: str) -> str:

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.rig.sheet import markdown_table
 from docs.generate import sections
 from lifeline.check.check import examine
 from lifeline.check.motions import Permitted
@@ -171,17 +172,18 @@ def reasons_table(reasons: Mapping[StopReason, Reason] = REASONS) -> str:
     missing = [reason.name for reason in StopReason if reason not in reasons]
     if missing:
         raise ValueError(f"docs/generate/safety_law.py: REASONS has no row for {', '.join(missing)}")
-    rows = ((reason, reasons[reason]) for reason in StopReason)
-    return "\n".join(
-        [
-            "| reason | raised by | when | cleared by | why it exists, and known failures without it |",
-            "|---|---|---|---|---|",
-            *(
-                f"| `{name.value}` | {whose[STOP_RULES[name].raised_by]} | {row.when}"
-                f" | {cleared_by(STOP_RULES[name])} | {row.why} |"
-                for name, row in rows
-            ),
-        ]
+    return _table(
+        ("reason", "raised by", "when", "cleared by", "why it exists, and known failures without it"),
+        (
+            (
+                f"`{name.value}`",
+                whose[STOP_RULES[name].raised_by],
+                reasons[name].when,
+                cleared_by(STOP_RULES[name]),
+                reasons[name].why,
+            )
+            for name in StopReason
+        ),
     )
 
 
@@ -241,12 +243,7 @@ def numbers_table() -> str:
 
 
 def _table(head: Row, rows: Iterable[Row]) -> str:
-    lines = (head, ("---",) * len(head), *rows)
-    return (
-        "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
-        .replace("| --- ", "|---")
-        .replace("--- |", "---|")
-    )
+    return "\n".join(markdown_table(head, rows))
 
 
 def seen_table() -> str:
