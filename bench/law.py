@@ -21,7 +21,7 @@ from wire.freshness import Sent
 BEAMS = (360, 1080, 4096, 16384)
 TICK_S = 0.02
 SCANS = 32
-WARM_UP_ROUNDS, ROUNDS = 50, 200
+WARM_UP_ROUNDS, ROUNDS = 25, 100
 BLOCK = 8
 CONFIG = SupervisorSection().law()
 

@@ -16,7 +16,7 @@ from bench.rig.sheet import Column, Sheet, Times, Verdict
 from wire.bus_config import BusConfig
 
 ROUNDS = 3
-WARM_UP_S, MEASURED_S, END_LIMIT_S = 4.0, 8.0, 20.0
+START_LIMIT_S, WARM_UP_S, MEASURED_S, END_LIMIT_S = 60.0, 3.0, 8.0, 60.0
 SLEEPS = "voluntary_ctxt_switches"
 """In /proc: how often the main thread, which has the event loop, has gone to sleep."""
 
@@ -83,6 +83,7 @@ def _measure(process: Supervisor, phase: Phase, number: int) -> Load:
     plan = Plan([(process.endpoint, BusConfig().namespace)], [None], phase.wall_m, phase.speed_m_s)
     pid = process.pid
     with program("bench.rig.feed", arguments=plan.words()) as feeder:
+        feeder.expect("driving", START_LIMIT_S)
         time.sleep(WARM_UP_S)
         began, loop_began, slept = load.usage(pid), load.usage(pid, pid), load.status(pid, SLEEPS)
         began_s = time.monotonic()
@@ -91,12 +92,10 @@ def _measure(process: Supervisor, phase: Phase, number: int) -> Load:
         window = began_s, time.monotonic()
         sleeps, rss_kb = load.status(pid, SLEEPS) - slept, load.status(pid, "VmRSS")
         feeder.tell("end")
-        while (line := feeder.line(END_LIMIT_S)).startswith("driving"):
-            pass
-    [robot] = json.loads(line)["robots"]
+        [robot] = json.loads(feeder.line(END_LIMIT_S))["robots"]
     arrivals_s = [at_s for at_s, *_ in robot["heard"] if window[0] <= at_s < window[1]]
     if len(arrivals_s) < 2 or not robot["statuses"]:
-        raise RuntimeError("it sends no commands or no status")
+        raise RuntimeError("it stopped sending commands or its status")
     _, mode, reasons = robot["statuses"][-1]
     return Load(
         phase=phase.name,

@@ -30,6 +30,7 @@ from deploy.stack import processes
 from deploy.stack.errors import Interrupted
 from deploy.stack.keyboard import typing
 from deploy.stack.launch import Launch
+from deploy.stack.reach import Observer
 from deploy.stack.statedir import StateDir
 from faults.trial_file import appending
 from wire import topics
@@ -255,6 +256,10 @@ class Watch:
         )
 
 
+def _is_ready(robot: Observer) -> bool:
+    return robot.status is not None and robot.status.mode == SafetyStatus.READY
+
+
 async def drive(robot: SimulatedRobot, duration_s: float, add: Callable[[Sample], None]) -> None:
     """Drive; call `add` with a sample every ten seconds.
 
@@ -267,7 +272,8 @@ async def drive(robot: SimulatedRobot, duration_s: float, add: Callable[[Sample]
         bus = await open_bus(BusConfig(robot.endpoint), "client")
         ending.push_async_callback(bus.close)
         teleop = await ending.enter_async_context(typing(Launch.read(None, robot.endpoint), marked))
-        await _ready(bus)
+        if not await Observer(bus).until(_is_ready, READY_LIMIT_S):
+            raise TimeoutError("the robot does not become ready")
         watch, operator = Watch(bus, robot.state), Operator(Random(0))
         began_s = time.monotonic()
         next_s = began_s + SAMPLE_S
@@ -284,22 +290,6 @@ async def drive(robot: SimulatedRobot, duration_s: float, add: Callable[[Sample]
             if not teleop.running:
                 raise RuntimeError(f"teleop has ended ({teleop.last_lines})")
             await asyncio.sleep(LOOK_S)
-
-
-async def _ready(bus: Bus) -> None:
-    wake = asyncio.Event()
-    statuses = bus.subscribe(topics.STATUS, wake=wake)
-    async with asyncio.timeout(READY_LIMIT_S):
-        while True:
-            await wake.wait()
-            wake.clear()
-            newest = statuses.latest()
-            if (
-                newest is not None
-                and newest.message is not None
-                and newest.message.mode == SafetyStatus.READY
-            ):
-                return
 
 
 def report(samples: Sequence[Sample]) -> bool:

@@ -14,6 +14,7 @@ import pyte
 
 from bench.rig.nodes import supervisor
 from bench.rig.program import running
+from deploy.stack.reach import Observer
 from docs.generate.screen import Screen, teleop
 from docs.generate.terminal_picture import draw
 from teleop.path.course import Pose
@@ -42,26 +43,19 @@ def take_screen() -> pyte.Screen:
 
 
 async def _drive(endpoint: str) -> pyte.Screen:
-    async with asyncio.timeout(PATIENCE_S):
-        bus = await open_bus(BusConfig(endpoint), "client")
-        try:
-            return await _pass_pillar(bus, endpoint)
-        finally:
-            await bus.close()
+    bus = await open_bus(BusConfig(endpoint), "client")
+    try:
+        return await _pass_pillar(bus, endpoint)
+    finally:
+        await bus.close()
 
 
 async def _pass_pillar(bus: ZenohBus, endpoint: str) -> pyte.Screen:
-    wake = asyncio.Event()
-    statuses, truths = bus.subscribe(topics.STATUS, wake=wake), bus.subscribe(topics.TRUTH)
-    screen = Screen(COLUMNS, ROWS)
+    truths, robot, screen = bus.subscribe(topics.TRUTH), Observer(bus), Screen(COLUMNS, ROWS)
 
     async def until(condition: Callable[[SafetyStatus], bool]) -> None:
-        while True:
-            await wake.wait()
-            wake.clear()
-            newest = statuses.latest()
-            if newest is not None and newest.message is not None and condition(newest.message):
-                return
+        if not await robot.until(lambda one: one.status is not None and condition(one.status), PATIENCE_S):
+            raise TimeoutError("\n".join(screen.rows))
 
     with teleop(screen, "--endpoint", endpoint):
         await until(lambda status: status.mode == SafetyStatus.READY)
@@ -75,8 +69,7 @@ async def _pass_pillar(bus: ZenohBus, endpoint: str) -> pyte.Screen:
         await until(lambda status: status.mode == SafetyStatus.READY)
         screen.type(KEYS)
         await until(lambda status: status.mode == SafetyStatus.LIMITED and status.nearest_m < NEAR_M)
-        while not all(any(word in row for row in screen.rows) for word in WORDS):
-            await until(lambda _: True)
+        await until(lambda _: all(any(word in row for row in screen.rows) for word in WORDS))
         return screen.screen
 
 

@@ -35,7 +35,11 @@ def grades() -> str:
     commands = ", ".join(f"`{_command(run['command'])}`" for run in runs)
     origin = f"{runs[0]['date']} to {runs[-1]['date']}, {loads}, commit {runs[-1]['commit']}"
     return "\n".join(
-        [*markdown_table(("fault", *GRADES.values()), rows), "", f"One run each (n = 1), {origin}: {commands}."]
+        [
+            *markdown_table(("fault", *GRADES.values()), rows),
+            "",
+            f"One run each (n = 1), {origin}: {commands}.",
+        ]
     )
 
 
