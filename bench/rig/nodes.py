@@ -35,7 +35,7 @@ def supervisor(module: str = "supervisor", options: Sequence[str] = ()) -> Gener
         options: of its command line, beside the endpoint.
 
     Raises:
-        RuntimeError: the context body raised one; the message contains it and the end of the log.
+        RuntimeError: the context body raised one, and the supervisor has ended; the message contains the end of its log.
     """
     endpoint = free_loopback_endpoint()
     with tempfile.TemporaryDirectory() as folder:
@@ -49,9 +49,10 @@ def supervisor(module: str = "supervisor", options: Sequence[str] = ()) -> Gener
             try:
                 yield Supervisor(endpoint, process.pid)
             except RuntimeError as error:
-                end_of_log = log.read_text()[-600:]
+                if process.poll() is None:
+                    raise
                 raise RuntimeError(
-                    f"the {module} cannot be measured: {error}; its log ends with:\n{end_of_log}"
+                    f"{error}; the {module} has ended, and its log ends with:\n{log.read_text()[-600:]}"
                 ) from error
 
 

@@ -100,7 +100,7 @@ class Times:
 def show(sheets: Iterable[Sheet], verdicts: Iterable[Verdict], run: Mapping[str, str]) -> None:
     """Print the tables, the targets and the origin of a run."""
     # A pipe has no width; the default width would truncate the tables.
-    console = Console() if sys.stdout.isatty() else Console(width=130)
+    console = Console() if sys.stdout.isatty() else Console(width=170)
     for sheet in sheets:
         table = Table(title=sheet.title, title_justify="left", title_style="bold")
         for number, column in enumerate(sheet.columns):
