@@ -5,6 +5,7 @@ fleet.md  robots behind a router (curve), the same for ten minutes (soak), and w
 link.md   the targets (answer); false stops an hour, worst age and lost links, and the rounds (tables)
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 from bench.__main__ import PARTS as BENCHES
@@ -47,7 +48,9 @@ def _caption() -> str:
 def _soak() -> str:
     stored = robots.read(robots.SOAK)
     verdicts = [one for crowd in stored.crowds for one in robots.promises(crowd)]
-    return f"{sections.targets(verdicts, stored.run)}\n\n{_robots(robots.SOAK)}"
+    table = robots.sheet(stored)
+    # The notes are those of the curve; the last one is the origin of the run.
+    return f"{sections.targets(verdicts, stored.run)}\n\n{sections.markdown(replace(table, notes=table.notes[-1:]))}"
 
 
 def _answer() -> str:
