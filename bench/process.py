@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -48,7 +49,7 @@ class Load:
     round: int
     seconds: float
     mode: str
-    """The mode of the last status, with its reasons."""
+    """The mode of most statuses."""
     cpu_percent: float
     """Of one core."""
     loop_percent: float
@@ -94,14 +95,14 @@ def _measure(process: Supervisor, phase: Phase, number: int) -> Load:
         feeder.tell("end")
         [robot] = json.loads(feeder.line(END_LIMIT_S))["robots"]
     arrivals_s = [at_s for at_s, *_ in robot["heard"] if window[0] <= at_s < window[1]]
-    if len(arrivals_s) < 2 or not robot["statuses"]:
+    modes = Counter(mode for at_s, mode, _ in robot["statuses"] if window[0] <= at_s < window[1])
+    if len(arrivals_s) < 2 or not modes:
         raise RuntimeError("it stopped sending commands or its status")
-    _, mode, reasons = robot["statuses"][-1]
     return Load(
         phase=phase.name,
         round=number,
         seconds=used.at_s,
-        mode=" ".join([mode, *reasons]),
+        mode=modes.most_common(1)[0][0],
         cpu_percent=used.cpu_percent,
         loop_percent=loop_used.cpu_percent,
         wakes_hz=sleeps / used.at_s,
@@ -133,7 +134,7 @@ def load_sheet(loads: Sequence[Load]) -> Sheet:
 
     columns: list[Column[Sequence[Load]]] = [
         ("phase", lambda row: row[0].phase),
-        ("mode", lambda row: row[-1].mode),
+        ("mode", lambda row: Counter(one.mode for one in row).most_common(1)[0][0]),
         ("s", lambda row: f"{sum(one.seconds for one in row):.0f}"),
         ("CPU %", median(lambda one: one.cpu_percent, 1)),
         ("/ relay", ratio),

@@ -6,6 +6,7 @@ aisle past a pillar, and the screen is taken as it is while the supervisor slows
 
 import asyncio
 import math
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -38,8 +39,10 @@ def take_screen() -> pyte.Screen:
     Raises:
         TimeoutError: the robot did not get there.
     """
-    with supervisor() as hub, running([sys.executable, "-m", topics.SIM, "--endpoint", hub.endpoint]):
-        return asyncio.run(_drive(hub.endpoint))
+    with supervisor() as hub:
+        sim = [sys.executable, "-m", topics.SIM, "--endpoint", hub.endpoint]
+        with running(sim, stderr=subprocess.DEVNULL):
+            return asyncio.run(_drive(hub.endpoint))
 
 
 async def _drive(endpoint: str) -> pyte.Screen:
