@@ -12,7 +12,7 @@ import re
 
 import numpy as np
 
-from bench.process import PHASES, Load
+from bench.process import Load
 from bench.rig.stored import read_appended, read_rows
 from bench.robots.results import read as read_robots
 from bench.soak import Sample
@@ -75,7 +75,7 @@ def cost() -> str:
     """Return the cost of a supervisor, a teleop and a process `ros2`.
 
     Raises:
-        ValueError: docs/ros2.md does not have the figures of the process `ros2`.
+        ValueError: docs/ros2.md does not have the figures of the process `ros2`, or no stored robot was limited by the barrier.
     """
     bridge = re.search(r"`ros2` needs (\d+ % of a core and \d+ MB)", ROS2_PAGE.read_text())
     if bridge is None:
@@ -83,7 +83,9 @@ def cost() -> str:
     robots, bench = read_robots(), read_rows(BENCH)
     quiet = robots.run["machine"]
     one_robot = next(one for one in robots.crowds if one.robots == 1)
-    limited = [one.cpu_percent for one in bench.of("process", Load) if one.phase == PHASES[-1].name]
+    limited = [one.cpu_percent for one in bench.of("process", Load) if one.mode == "LIMITED"]
+    if not limited:
+        raise ValueError("docs/campaign/bench.jsonl has no phase in which the barrier limited the robot")
     samples, _ = read_appended(SOAK, Sample)
     used = samples[-1].processes
     return (
