@@ -116,37 +116,29 @@ check: $(STAMP) ## run ruff, pyright and import-linter
 	.venv/bin/pyright
 	.venv/bin/lint-imports
 
-bench: $(STAMP) ## measure time and memory of the law, supervisor, teleop and sim, and their start (five minutes)
+bench: $(STAMP) ## measure the law, the supervisor process and its restart, each beside a reference (four minutes)
 	.venv/bin/python -m bench
 
-bench-peers: $(STAMP) $(PEERS_STAMP) ## compare the supervisor with bare relays over Zenoh, MQTT, DDS, rclpy and TCP (four minutes)
+bench-peers: $(STAMP) $(PEERS_STAMP) ## compare the supervisor with bare relays over Zenoh, MQTT, DDS and rclpy (four minutes)
 	@if $(HAS_RCLPY); then $(MAKE) --no-print-directory ros2; fi
 	.venv/bin/python -m bench.peers
 
 bench-robots: $(STAMP) ## measure CPU, gaps and stops of 1 to 30 robots on this machine (seven minutes)
 	.venv/bin/python -m bench.robots
 
-bench-fleet: $(STAMP) ## measure 1 to 50 robots behind one router on this machine (seven minutes)
-	.venv/bin/python -m bench.fleet
+bench-fleet: $(STAMP) ## measure 1 to 30 robots behind one router on this machine (seven minutes)
+	.venv/bin/python -m bench.robots --router
 
 bench-link: $(STAMP) ## measure false stops over links that lose packets, in network namespaces (root; four minutes)
 	.venv/bin/python -m bench.link
 
 docs: $(STAMP) ## update the generated parts and the drawings of README.md and docs/
-	.venv/bin/python -m docs.generate.safety_law
-	.venv/bin/python -m docs.generate.access
-	.venv/bin/python -m docs.generate.commands
+	.venv/bin/python -m docs.generate
 	.venv/bin/python -m docs.generate.draw_safety_law
 	.venv/bin/python -m docs.generate.draw_dashboard
 	.venv/bin/python -m docs.generate.draw_lab --out docs/images
-	.venv/bin/python -m docs.generate.crash_safety
-	.venv/bin/python -m docs.generate.readme
 	.venv/bin/python -m docs.generate.draw_crash_safety
-	.venv/bin/python -m docs.generate.draw_robots
-	.venv/bin/python -m docs.generate.fleet
-	.venv/bin/python -m docs.generate.lab
-	.venv/bin/python -m docs.generate.link
-	.venv/bin/python -m docs.generate.draw_link
+	.venv/bin/python -m docs.generate.draw_benches
 
 TRIALS ?= 3
 SEEDS ?= 1000

@@ -1,177 +1,157 @@
-"""Measures the real supervisor process over real Zenoh at the robot's rates.
+"""Measures the real supervisor process over real Zenoh at the robot's rates, beside a bare relay of the same round."""
 
-A bare relay in its place is the reference of the same run.
-"""
-
-import asyncio
-import itertools
-import subprocess
-import sys
-from collections.abc import Coroutine, Sequence
-from contextlib import AbstractContextManager, nullcontext
+import json
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from bench.rig import load, scenery
-from bench.rig.feed import (
-    BEAMS,
-    SCANS,
-    Robot,
-    Stream,
-    Supervisor,
-    at_rate,
-    client,
-    feeding,
-    mode_of,
-    supervisor,
-)
-from bench.rig.program import running
+from bench.rig.feed import CRUISE_M_S, Plan
+from bench.rig.nodes import Supervisor, supervisor
+from bench.rig.program import program
 from bench.rig.sheet import Column, Sheet, Times, Verdict
-from wire import topics
-from wire.messages import planar_twist
-from wire.zenoh.bus import ZenohBus
+from wire.bus_config import BusConfig
 
-COMMAND_HZ = 20.0
-WARM_UP_S, MEASURED_S = 3.0, 15.0
+ROUNDS = 3
+START_LIMIT_S, WARM_UP_S, MEASURED_S, END_LIMIT_S = 60.0, 3.0, 8.0, 60.0
 SLEEPS = "voluntary_ctxt_switches"
 """In /proc: how often the main thread, which has the event loop, has gone to sleep."""
-CRUISE_M_S = 0.3
-CLEAR_M = scenery.ROOM_M
 
-Phase = tuple[str, float, float]
-"""Its name, the distance of the wall [m], and the commanded speed [m/s]."""
-ECHO = "free path, topic echo of everything"
-"""In this phase, `lifeline topic echo` prints every message of the robot."""
-PHASES: dict[str, Sequence[Phase]] = {
-    "bench.relay": [("a bare relay instead", CLEAR_M, CRUISE_M_S)],
-    "supervisor": [
-        ("free path", CLEAR_M, CRUISE_M_S),
-        ("limited by the barrier", scenery.WALL_M, scenery.FORWARD_M_S),
-        (ECHO, CLEAR_M, CRUISE_M_S),
-    ],
-}
-"""By the module that runs; the relay is the reference."""
 
-TARGET_CPU_PERCENT = 6.0
-TARGET_TO_RELAY = 1.35
-TARGET_RSS_MB = 100.0
+class Phase(NamedTuple):
+    """What runs, and what it must do."""
+
+    name: str
+    module: str
+    wall_m: float
+    speed_m_s: float
+    target_to_relay: float
+    """Limit of the processor time, relative to the relay's."""
+
+
+PHASES = (
+    Phase("a bare relay instead", "bench.relay", scenery.ROOM_M, CRUISE_M_S, 1.0),
+    Phase("free path", "supervisor", scenery.ROOM_M, CRUISE_M_S, 1.45),
+    Phase("limited by the barrier", "supervisor", scenery.WALL_M, scenery.FORWARD_M_S, 2.1),
+)
+"""The first one is the reference."""
 
 
 @dataclass(frozen=True)
 class Load:
-    """The load and the output of the supervisor process in one phase."""
+    """The load and the output of a process in one phase of one round."""
 
     phase: str
+    round: int
     seconds: float
     mode: str
-    """The mode of the last status."""
+    """The mode of most statuses."""
     cpu_percent: float
     """Of one core."""
     loop_percent: float
     """CPU of the thread with the event loop, the law, and all encoding and decoding."""
-    zenoh_percent: float
-    """CPU of the other threads."""
     wakes_hz: float
     """How often the thread with the event loop goes to sleep."""
     rss_mb: float
     cmd_vel_hz: float
     gaps: Times
 
+    @property
+    def zenoh_percent(self) -> float:
+        """CPU of the other threads."""
+        return self.cpu_percent - self.loop_percent
+
 
 def measure_process() -> list[Load]:
-    """Measure a relay, and a supervisor on a free path, limited by the barrier, and while everything is printed.
+    """Measure each phase in each round, so that load on the machine affects all of them.
 
     Raises:
-        RuntimeError: a process does not start or sends nothing.
+        RuntimeError: a process does not start, or ends.
     """
     loads: list[Load] = []
-    for module, phases in PHASES.items():
-        with supervisor(module) as process:
-            loads += asyncio.run(_measure(process, phases))
+    for number in range(ROUNDS):
+        for phase in PHASES:
+            with supervisor(phase.module) as process:
+                loads.append(_measure(process, phase, number))
     return loads
 
 
-async def _measure(process: Supervisor, phases: Sequence[Phase]) -> list[Load]:
-    async with client(process.endpoint) as bus:
-        driver = _Driver(bus)
-        async with feeding(driver.feeds()):
-            loads: list[Load] = []
-            for phase, wall_m, speed_m_s in phases:
-                with echo(process.endpoint) if phase == ECHO else nullcontext():
-                    loads.append(await driver.measure(phase, process.pid, wall_m, speed_m_s))
-            return loads
-
-
-def echo(endpoint: str) -> AbstractContextManager["subprocess.Popen[str]"]:
-    """Print every message of the robot in another process, as YAML."""
-    keys = [topic.key for topic in (topics.CMD_VEL, topics.SCAN, topics.ODOM, topics.STATUS)]
-    keys.append(topics.source_cmd_vel(topics.TELEOP).key)
-    return running([sys.executable, "-m", "lifeline.cli.app", "topic", "echo", *keys, "--endpoint", endpoint])
-
-
-class _Driver(Robot):
-    """Teleop and sim in one client, at a constant distance to the wall."""
-
-    def __init__(self, bus: ZenohBus) -> None:
-        self._clear = scenery.scans(BEAMS, SCANS, wall_m=CLEAR_M)
-        self._wall = scenery.scans(BEAMS, SCANS)
-        super().__init__(bus, self._clear)
-        self._speed_m_s = 0.0
-        self._source = bus.publisher(topics.source_cmd_vel(topics.TELEOP))
-        self._token = bus.declare_alive(topics.TELEOP)
-        self._statuses = Stream(bus, topics.STATUS)
-
-    def feeds(self) -> list[Coroutine[None, None, None]]:
-        commands = at_rate(COMMAND_HZ, lambda: self._source.put(planar_twist(self._speed_m_s, 0.0)))
-        return [commands, *super().feeds()]
-
-    async def measure(self, phase: str, pid: int, wall_m: float, speed_m_s: float) -> Load:
-        """Command zero, then this motion, and measure the process from outside for `MEASURED_S`."""
-        self._speed_m_s = 0.0
-        self.ranges = itertools.cycle(self._clear if wall_m == CLEAR_M else self._wall)
-        await asyncio.sleep(WARM_UP_S)
-        self._speed_m_s = speed_m_s
-        await asyncio.sleep(WARM_UP_S)
-        self.arrivals_s.clear()
+def _measure(process: Supervisor, phase: Phase, number: int) -> Load:
+    plan = Plan([(process.endpoint, BusConfig().namespace)], [None], phase.wall_m, phase.speed_m_s)
+    pid = process.pid
+    with program("bench.rig.feed", arguments=plan.words()) as feeder:
+        feeder.expect("driving", START_LIMIT_S)
+        time.sleep(WARM_UP_S)
         began, loop_began, slept = load.usage(pid), load.usage(pid, pid), load.status(pid, SLEEPS)
-        await asyncio.sleep(MEASURED_S)
+        began_s = time.monotonic()
+        time.sleep(MEASURED_S)
         used, loop_used = load.usage(pid) - began, load.usage(pid, pid) - loop_began
-        sleeps, arrivals_s = load.status(pid, SLEEPS) - slept, self.arrivals_s.copy()
-        self._statuses.take()
-        _, status = await self._statuses.next()
-        return Load(
-            phase=phase,
-            seconds=used.at_s,
-            mode=mode_of(status),
-            cpu_percent=used.cpu_percent,
-            loop_percent=loop_used.cpu_percent,
-            zenoh_percent=used.cpu_percent - loop_used.cpu_percent,
-            wakes_hz=sleeps / used.at_s,
-            rss_mb=load.status(pid, "VmRSS") / 1024,
-            cmd_vel_hz=len(arrivals_s) / used.at_s,
-            gaps=Times.of(1000 * np.diff(arrivals_s)),
-        )
+        window = began_s, time.monotonic()
+        sleeps, rss_kb = load.status(pid, SLEEPS) - slept, load.status(pid, "VmRSS")
+        feeder.tell("end")
+        [robot] = json.loads(feeder.line(END_LIMIT_S))["robots"]
+    arrivals_s = [at_s for at_s, *_ in robot["heard"] if window[0] <= at_s < window[1]]
+    modes = Counter(mode for at_s, mode, _ in robot["statuses"] if window[0] <= at_s < window[1])
+    if len(arrivals_s) < 2 or not modes:
+        raise RuntimeError("it stopped sending commands or its status")
+    return Load(
+        phase=phase.name,
+        round=number,
+        seconds=used.at_s,
+        mode=modes.most_common(1)[0][0],
+        cpu_percent=used.cpu_percent,
+        loop_percent=loop_used.cpu_percent,
+        wakes_hz=sleeps / used.at_s,
+        rss_mb=rss_kb / 1024,
+        cmd_vel_hz=len(arrivals_s) / used.at_s,
+        gaps=Times.of(1000.0 * np.diff(arrivals_s)),
+    )
+
+
+def to_relay(loads: Sequence[Load], phase: str) -> list[float]:
+    """Return the processor time of a phase relative to the relay's in the same round, for each round."""
+    percent = {(one.round, one.phase): one.cpu_percent for one in loads}
+    relay = PHASES[0].name
+    return [
+        percent[number, phase] / percent[number, relay] for number in sorted({one.round for one in loads})
+    ]
 
 
 def load_sheet(loads: Sequence[Load]) -> Sheet:
-    columns: list[Column[Load]] = [
-        ("phase", lambda one: one.phase),
-        ("mode", lambda one: one.mode),
-        ("s", lambda one: f"{one.seconds:.0f}"),
-        ("CPU %", lambda one: f"{one.cpu_percent:.1f}"),
-        ("/ relay", lambda one: f"{one.cpu_percent / loads[0].cpu_percent:.2f}"),
-        ("loop %", lambda one: f"{one.loop_percent:.1f}"),
-        ("Zenoh %", lambda one: f"{one.zenoh_percent:.1f}"),
-        ("wakes /s", lambda one: f"{one.wakes_hz:.0f}"),
-        ("RSS MB", lambda one: f"{one.rss_mb:.0f}"),
-        ("cmd_vel Hz", lambda one: f"{one.cmd_vel_hz:.1f}"),
-        *Times.columns("gap ms", lambda one: one.gaps),
+    """Return a row for each phase: the medians of its rounds, and the longest gap."""
+    rows = [[one for one in loads if one.phase == phase.name] for phase in PHASES]
+
+    def median(of: Callable[[Load], float], digits: int) -> Callable[[Sequence[Load]], str]:
+        return lambda row: f"{np.median([of(one) for one in row]):.{digits}f}"
+
+    def ratio(row: Sequence[Load]) -> str:
+        found = to_relay(loads, row[0].phase)
+        return f"{np.median(found):.2f} ({min(found):.2f} to {max(found):.2f})"
+
+    columns: list[Column[Sequence[Load]]] = [
+        ("phase", lambda row: row[0].phase),
+        ("mode", lambda row: Counter(one.mode for one in row).most_common(1)[0][0]),
+        ("s", lambda row: f"{sum(one.seconds for one in row):.0f}"),
+        ("CPU %", median(lambda one: one.cpu_percent, 1)),
+        ("/ relay", ratio),
+        ("loop %", median(lambda one: one.loop_percent, 1)),
+        ("Zenoh %", median(lambda one: one.zenoh_percent, 1)),
+        ("wakes /s", median(lambda one: one.wakes_hz, 0)),
+        ("RSS MB", median(lambda one: one.rss_mb, 0)),
+        ("cmd_vel Hz", median(lambda one: one.cmd_vel_hz, 1)),
+        ("gap ms p50", median(lambda one: one.gaps.p50_ms, 1)),
+        ("p99", median(lambda one: one.gaps.p99_ms, 1)),
+        ("max", lambda row: f"{max(one.gaps.max_ms for one in row):.1f}"),
     ]
     return Sheet.of(
         "The supervisor process over Zenoh: 20 Hz scans of 360 beams, 20 Hz commands, 50 Hz odometry",
         columns,
-        loads,
+        rows,
+        f"Medians of {len({one.round for one in loads})} rounds; each round measures every phase in a new process.",
         (
             "CPU: of one core, user and system, from the scheduler's statistics of each thread. loop: the thread with the event loop, the "
             "law, encoding and decoding. Zenoh: all other threads."
@@ -179,25 +159,23 @@ def load_sheet(loads: Sequence[Load]) -> Sheet:
         (
             "relay: the same traffic through a process without a law, bench/relay.py. If a core sleeps between "
             "ticks its caches grow cold, and on some machines the same code takes several times as long as in a "
-            "loop; / relay compares both under the same conditions."
+            "loop; / relay compares both under the same conditions of one round: median (least to greatest)."
         ),
         "wakes: of the event loop.",
-        ("topic echo: another process prints every message as YAML, on the same two cores."),
         (
-            "cmd_vel and its gaps are measured by the driver; under the barrier the output also changes between "
+            "cmd_vel and its gaps are measured by the process that plays the robot; under the barrier the output also changes between "
             "ticks, and each change is sent immediately."
         ),
     )
 
 
 def verdicts(loads: Sequence[Load]) -> list[Verdict]:
-    found: list[Verdict] = []
-    for one in loads[1:]:
-        found += [
-            Verdict(f"CPU, {one.phase},", one.cpu_percent, TARGET_CPU_PERCENT, "% of one core"),
-            Verdict(f"resident memory, {one.phase},", one.rss_mb, TARGET_RSS_MB, "MB"),
-        ]
-        if one.phase != ECHO:  # the relay was measured without the printing process
-            to_relay = one.cpu_percent / loads[0].cpu_percent
-            found.append(Verdict(f"CPU, {one.phase},", to_relay, TARGET_TO_RELAY, "× the relay's"))
-    return found
+    return [
+        Verdict(
+            f"CPU, {phase.name},",
+            float(np.median(to_relay(loads, phase.name))),
+            phase.target_to_relay,
+            "× the relay's",
+        )
+        for phase in PHASES[1:]
+    ]

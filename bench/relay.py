@@ -1,6 +1,6 @@
 """Reference process with the supervisor's traffic but without a law, to measure the cost of the traffic.
 
-`python -m bench.relay --endpoint ENDPOINT` runs the hub, decodes every message, and publishes a zero command each
+`python -m bench.relay --endpoint ENDPOINT` runs the hub, decodes every message, and publishes the newest command each
 tick and a status ten times a second. The difference to the supervisor is the cost of the law, the black box and
 the steps between two ticks.
 """
@@ -29,14 +29,15 @@ async def relay(stop: asyncio.Event) -> int:
         odometry = bus.subscribe(topics.ODOM)
         cmd_vel, statuses = bus.publisher(topics.CMD_VEL), bus.publisher(topics.STATUS)
         loop = asyncio.get_running_loop()
-        ticks, heard, next_s = 0, 0, loop.time()
+        ticks, heard, next_s, newest = 0, 0, loop.time(), zero_twist()
         while not stop.is_set():
             await wait_until(stop, next_s)
             next_s = max(next_s + TICK_S, loop.time())
-            commands.take()
+            for arrival in commands.take():
+                newest = arrival.message or newest
             odometry.take()
             heard += len(scans.take())
-            cmd_vel.put(zero_twist())
+            cmd_vel.put(newest)
             if ticks % TICKS_PER_STATUS == 0:
                 statuses.put(SafetyStatus(header("base_link"), scans_accepted=heard))
             ticks += 1

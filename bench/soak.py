@@ -10,7 +10,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -21,7 +21,8 @@ import numpy.typing as npt
 from pydantic import TypeAdapter
 
 from bench.rig import load
-from bench.rig.feed import ODOM_HZ, SimulatedRobot, Stream, client, simulated_robot
+from bench.rig.feed import ODOM_HZ
+from bench.rig.nodes import SimulatedRobot, simulated_robot
 from bench.rig.options import CommandLine, failing_in_a_sentence, positive
 from bench.rig.sheet import Times, percentile
 from bench.rig.stored import provenance
@@ -29,11 +30,13 @@ from deploy.stack import processes
 from deploy.stack.errors import Interrupted
 from deploy.stack.keyboard import typing
 from deploy.stack.launch import Launch
+from deploy.stack.reach import Observer
 from deploy.stack.statedir import StateDir
 from faults.trial_file import appending
 from wire import topics
 from wire.bus import Arrival, Bus, NoReplyError, Subscription
 from wire.messages import Odometry, SafetyStatus, header
+from wire.zenoh.bus import BusConfig, open_bus
 
 SAMPLE_S, LOOK_S = 10.0, 0.1
 DEPTH = 512
@@ -54,6 +57,7 @@ MOST_POINTS = 600
 WEDGED_STOPS = 6
 """After this many consecutive stops without a completed plan, the robot is reset to its start."""
 LET_GO_S = 0.6
+READY_LIMIT_S = 20.0
 
 
 @dataclass(frozen=True)
@@ -252,6 +256,10 @@ class Watch:
         )
 
 
+def _is_ready(robot: Observer) -> bool:
+    return robot.status is not None and robot.status.mode == SafetyStatus.READY
+
+
 async def drive(robot: SimulatedRobot, duration_s: float, add: Callable[[Sample], None]) -> None:
     """Drive; call `add` with a sample every ten seconds.
 
@@ -260,8 +268,12 @@ async def drive(robot: SimulatedRobot, duration_s: float, add: Callable[[Sample]
         RuntimeError: teleop ends.
     """
     marked = {processes.MARK: str(robot.state.path)}
-    async with client(robot.endpoint) as bus, typing(Launch.read(None, robot.endpoint), marked) as teleop:
-        await Stream(bus, topics.STATUS).next(lambda status: status.mode == SafetyStatus.READY)
+    async with AsyncExitStack() as ending:
+        bus = await open_bus(BusConfig(robot.endpoint), "client")
+        ending.push_async_callback(bus.close)
+        teleop = await ending.enter_async_context(typing(Launch.read(None, robot.endpoint), marked))
+        if not await Observer(bus).until(_is_ready, READY_LIMIT_S):
+            raise TimeoutError("the robot does not become ready")
         watch, operator = Watch(bus, robot.state), Operator(Random(0))
         began_s = time.monotonic()
         next_s = began_s + SAMPLE_S

@@ -83,7 +83,7 @@ def _measure(options: argparse.Namespace, command: str) -> None:
         if file is not None:
             write(results, file)
     if results.rounds:
-        show(sheets(results), verdicts(results))
+        show(sheets(results), verdicts(results), results.run)
     sys.exit(int(rejected > 0))
 
 

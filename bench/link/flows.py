@@ -29,8 +29,8 @@ import zenoh
 
 from bench.link.stops import Flow, Lateness
 from bench.peers.links.zenoh_link import open_session
+from bench.rig.feed import COMMAND_HZ, CRUISE_M_S, SPREAD
 from bench.rig.program import die_with_parent
-from bench.robots.feeder import COMMAND_HZ, CRUISE_M_S, SPREAD
 from wire import tls, topics
 from wire.bundle import choose_bundle
 from wire.bus_config import BusConfig

@@ -14,7 +14,7 @@ from bench.link.results import MAX_CONDITIONS, Condition, Measured, Round
 from bench.link.stops import disturbed, length_s, outside
 from bench.rig.load import busy_percent, machine
 from bench.rig.program import program
-from bench.rig.sheet import now
+from bench.rig.stored import now
 from deploy.keys.commands import init, issue
 from deploy.keys.register import Request
 from wire import tls

@@ -15,7 +15,7 @@ def main() -> None:
     line = CommandLine(
         "bench.peers",
         "Measure the round trip of a command and the time from a SIGKILL to its notice, through the supervisor and "
-        "through bare relays over Zenoh, MQTT, CycloneDDS, rclpy and TCP, interleaved. Takes about four minutes.",
+        "through bare relays over Zenoh, MQTT, CycloneDDS and rclpy, interleaved. Takes about four minutes.",
         "exit code: 0, even if a target is missed; 1 if a process fails; 130 after Ctrl-C",
     )
     line.option("rounds", count, ROUNDS, "number of rounds")
@@ -39,7 +39,7 @@ def main() -> None:
     peers = Peers(this_run(line.repeat(options)), tuple(trips), tuple(deaths))
     if options.json is not None:
         write(peers, options.json)
-    show(sheets(peers), verdicts(peers))
+    show(sheets(peers), verdicts(peers), peers.run)
 
 
 if __name__ == "__main__":

@@ -13,11 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bench.peers.results import RATES_HZ, Death, RoundTrip
-from bench.rig.feed import supervisor
+from bench.rig.feed import Plan
+from bench.rig.nodes import supervisor
 from bench.rig.options import progress
-from bench.rig.program import ROOT, Program, running, talking, wait_until_listening
+from bench.rig.program import ROOT, Program, program, running, talking, wait_until_listening
 from deploy.stack.launch import free_loopback_endpoint
 from ros2.environment import dds_variables, ros_variables
+from wire.bus_config import BusConfig
 
 PEERS_PYTHON = ROOT / ".peers/bin/python"
 ROS_PYTHON = ROOT / ".ros2/bin/python"
@@ -71,7 +73,8 @@ class Kind:
         with ExitStack() as ending:
             if self.link == "lifeline":
                 endpoint = ending.enter_context(supervisor()).endpoint
-                ending.enter_context(running([sys.executable, "-m", "bench.rig.feed", endpoint]))
+                robot = Plan([(endpoint, BusConfig().namespace)], [])
+                ending.enter_context(program("bench.rig.feed", arguments=robot.words()))
                 yield endpoint
                 return
             address = str(DOMAIN) if self.link in ("dds", "ros") else free_loopback_endpoint()
@@ -85,7 +88,7 @@ class Kind:
                 ending.enter_context(running([BROKER, "-c", str(config)]))
                 wait_until_listening(address)
             ending.enter_context(running(self.command("relay", address, self.mode), self.environment))
-            if self.link in ("zenoh", "tcp"):
+            if self.link == "zenoh":
                 wait_until_listening(address)
             yield address
 
@@ -103,8 +106,7 @@ class Kind:
     def deaths_ms(self, kills: int) -> Generator[float]:
         """Kill holders, and yield how long after each SIGKILL the watcher knew it [ms]."""
         with ExitStack() as ending:
-            # TCP needs no relay: the watcher itself listens.
-            address = free_loopback_endpoint() if self.link == "tcp" else ending.enter_context(self.middle())
+            address = ending.enter_context(self.middle())
             watcher = ending.enter_context(self.program("watcher", address))
             watcher.line(DEATH_LIMIT_S)
             for _ in range(kills):
@@ -128,7 +130,6 @@ def kinds() -> list[Kind]:
         Kind("MQTT (mosquitto, paho), asyncio", "mqtt", PEERS_PYTHON),
         Kind("CycloneDDS, asyncio", "dds", PEERS_PYTHON, has_presence=False),
         Kind("rclpy over Fast DDS, in the callback", "ros", ROS_PYTHON, "callback", has_presence=False),
-        Kind("TCP, asyncio", "tcp", PEERS_PYTHON),
     ]
 
 

@@ -1,243 +1,238 @@
-"""Runs a supervisor, or the whole simulated robot, and feeds a supervisor with the data of a robot at the robot's rates.
+"""Plays sensors, operator and base of one robot or of many: `python -m bench.rig.feed PLAN`.
 
-`python -m bench.rig.feed ENDPOINT` plays a robot in a process of its own.
+The plan is JSON (`Plan`). One thread sends prepared bytes at their times, and Zenoh's threads record what arrives, so the program
+needs little CPU. The streams are spread evenly over their periods. Each line on the standard input is a command: `release NUMBER …`
+removes the operator of these robots, and `end` ends the program, as does the end of the input. Prints `driving` when every robot has
+moved, and at the end all recorded messages as one line of JSON.
 """
 
 import asyncio
+import heapq
 import itertools
-import os
-import subprocess
+import json
+import struct
 import sys
-import tempfile
+import threading
 import time
-from collections.abc import AsyncGenerator, Callable, Coroutine, Generator, Iterable, Sequence
-from contextlib import asynccontextmanager, contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Generic
 
 from bench.rig import scenery
-from bench.rig.program import running
-from deploy.stack.errors import ignore, interrupts
-from deploy.stack.launch import free_loopback_endpoint
-from deploy.stack.statedir import StateDir
 from wire import topics
-from wire.bus import Arrival, BusError, Subscription
-from wire.message_types import MODES, M
-from wire.messages import LaserScan, SafetyStatus, laser_scan, odometry
-from wire.topics import Topic
-from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
+from wire.bus_config import BusConfig
+from wire.message_types import MODES
+from wire.messages import (
+    SafetyStatus,
+    UndecodableError,
+    decode,
+    encode,
+    laser_scan,
+    odometry,
+    planar_twist,
+)
+from wire.stamp import parse_stamp
+from wire.zenoh.connect import open_session
+from wire.zenoh.session import ZenohSession
 
+COMMAND_HZ, SCAN_HZ, ODOM_HZ = 20.0, 20.0, 50.0
+CRUISE_M_S = 0.3
 BEAMS, SCANS = 360, 64
-SCAN_HZ, ODOM_HZ = 20.0, 50.0
-START_S, UP_LIMIT_S = 20.0, 60.0
+NEUTRAL_EVERY = 10
+"""While its robot is stopped, an operator sends one neutral command in this many: only neutral ends a stop."""
+SPREAD = 0.618034
+"""The golden ratio's fraction: its multiples are spread evenly between 0 and 1."""
+_TWIST = struct.Struct("<4x6d")
+
+Motion = tuple[float, float]
+"""Linear [m/s] and angular [rad/s] velocity."""
+Act = tuple[Callable[[], None], float]
+"""What is done at a rate [Hz]."""
 
 
 @dataclass(frozen=True)
-class Supervisor:
-    """A running supervisor."""
+class Plan:
+    """Which robots are played, and how."""
 
-    endpoint: str
-    pid: int
+    robots: Sequence[tuple[str, str]]
+    """Endpoint and namespace of each."""
+    operators: Sequence[tuple[str, str, str] | None]
+    """One for each robot, or none at all: endpoint, namespace and bundle of a router, or None for the robot's own session."""
+    wall_m: float = scenery.ROOM_M
+    """Distance of the wall ahead."""
+    speed_m_s: float = CRUISE_M_S
+
+    def words(self) -> list[str]:
+        """Return the arguments of the program."""
+        return [json.dumps(asdict(self))]
 
 
-@contextmanager
-def supervisor(module: str = "supervisor", options: Sequence[str] = ()) -> Generator[Supervisor]:
-    """Run a supervisor, or another module in its place, while the context is open.
+class Body:
+    """Plays the sensors and the base of one robot, and records what its supervisor sends.
 
     Args:
-        module: what runs.
-        options: of its command line, beside the endpoint.
-
-    Raises:
-        RuntimeError: the context body timed out or lost the bus; the message contains the error and the end of the log.
+        session: connected to the supervisor of this robot.
+        scans: encoded scans.
+        moved: called on Zenoh's thread when the robot moves for the first time.
     """
-    endpoint = free_loopback_endpoint()
-    with tempfile.TemporaryDirectory() as folder:
-        log = Path(folder) / "supervisor.log"
-        command = [sys.executable, "-m", module, "--endpoint", endpoint, *options]
-        environment = os.environ | {"LIFELINE_STATE_DIR": folder}
-        with (
-            log.open("wb") as file,
-            running(command, environment, stdout=file, stderr=file) as process,
-        ):
+
+    def __init__(self, session: ZenohSession, scans: Sequence[bytes], moved: Callable[[], None]) -> None:
+        self.heard: list[tuple[float, float, bool]] = []
+        """For each command to the base: its arrival and decision time [s], and whether it moves the robot."""
+        self.garbled = 0
+        """Number of messages that their key does not permit."""
+        self._statuses: list[tuple[float, bytes]] = []
+        self._moved = moved
+        self._session = session  # a session is closed when nothing refers to it
+        self.motion: Motion = (0.0, 0.0)
+        """What the supervisor has commanded last."""
+        self._odometry_of: dict[Motion, bytes] = {}
+        self._next_scan = itertools.cycle(scans)
+        self._scans = session.publisher_raw(topics.SCAN)
+        self._odometry = session.publisher_raw(topics.ODOM)
+        session.subscribe_raw(topics.CMD_VEL.key, self._hear_cmd_vel)
+        session.subscribe_raw(topics.STATUS.key, self._hear_status)
+
+    def _hear_cmd_vel(self, payload: bytes, attachment: bytes | None, arrival_s: float) -> None:
+        if len(payload) != _TWIST.size:
+            self.garbled += 1
+            return
+        linear_m_s, *_, angular_rad_s = _TWIST.unpack(payload)
+        stamp = parse_stamp(attachment)
+        decided_s = arrival_s if stamp is None else stamp.source_time_ns * 1e-9
+        moves = linear_m_s != 0.0 or angular_rad_s != 0.0
+        self.heard.append((arrival_s, decided_s, moves))
+        self.motion = linear_m_s, angular_rad_s
+        if moves:
+            self._moved()
+
+    def _hear_status(self, payload: bytes, _attachment: bytes | None, arrival_s: float) -> None:
+        self._statuses.append((arrival_s, payload))
+
+    def acts(self) -> list[Act]:
+        """Return what is sent at which rates."""
+        return [(self.put_scan, SCAN_HZ), (self.put_odometry, ODOM_HZ)]
+
+    def put_scan(self) -> None:
+        self._scans.put_bytes(next(self._next_scan))
+
+    def put_odometry(self) -> None:
+        motion = self.motion
+        payload = self._odometry_of.get(motion)
+        if payload is None:
+            payload = self._odometry_of[motion] = encode(odometry((0.0, 0.0, 0.0), motion))
+        self._odometry.put_bytes(payload)
+
+    def statuses(self) -> list[tuple[float, str, list[str]]]:
+        """Return for each status its arrival time [s], the mode, and the reasons."""
+        found: list[tuple[float, str, list[str]]] = []
+        for at_s, payload in self._statuses:
             try:
-                yield Supervisor(endpoint, process.pid)
-            except (TimeoutError, BusError) as error:
-                reason = str(error) or "no answer in time"
-                raise RuntimeError(
-                    f"the {module} cannot be measured: {reason}; its log ends with:\n{log.read_text()[-600:]}"
-                ) from error
+                status = decode(payload, SafetyStatus)
+            except UndecodableError:
+                self.garbled += 1
+            else:
+                found.append((at_s, MODES[status.mode], list(status.reasons)))
+        return found
 
 
-@dataclass(frozen=True)
-class SimulatedRobot:
-    """A running sim and supervisor."""
+class Operator:
+    """Drives a robot of the same process.
 
-    state: StateDir
-    endpoint: str
-    up_s: float
-    """Duration of `lifeline up --detach`, which ends when every node is alive."""
-
-
-@contextmanager
-def simulated_robot() -> Generator[SimulatedRobot]:
-    """Start the simulated robot as its users do, without teleop, and take it down at the end; the first signal raises `Interrupted`.
-
-    Raises:
-        RuntimeError: it does not start.
+    Args:
+        session: connected to the supervisor, or to a router.
+        body: the robot.
+        speed_m_s: what the operator commands.
     """
-    with tempfile.TemporaryDirectory(prefix="lifeline-", ignore_cleanup_errors=True) as folder:
-        state, endpoint = StateDir(Path(folder).resolve()), free_loopback_endpoint()
-        options = ("--state-dir", folder)
-        with interrupts():
-            try:
-                try:
-                    began_s = time.perf_counter()
-                    _lifeline("up", "--detach", "--no-viewer", "--endpoint", endpoint, *options)
-                    yield SimulatedRobot(state, endpoint, time.perf_counter() - began_s)
-                finally:
-                    ignore()
-            finally:
-                _lifeline("down", *options)
+
+    def __init__(self, session: ZenohSession, body: Body, speed_m_s: float) -> None:
+        self._session = session
+        self._body = body
+        self._number = itertools.count()
+        self._is_here = True
+        self._neutral, self._cruise = (encode(planar_twist(speed, 0.0)) for speed in (0.0, speed_m_s))
+        self._commands = session.publisher_raw(topics.source_cmd_vel(topics.TELEOP))
+        self._token = session.declare_alive(topics.TELEOP)
+
+    def put_command(self) -> None:
+        if not self._is_here:
+            return
+        releases = self._body.motion == (0.0, 0.0) and next(self._number) % NEUTRAL_EVERY == 0
+        self._commands.put_bytes(self._neutral if releases else self._cruise)
+
+    def leave(self) -> None:
+        """Withdraw, so that the robot stops."""
+        self._is_here = False
+        self._token.withdraw()
 
 
-def _lifeline(*arguments: str) -> None:
-    command = [sys.executable, "-c", "from lifeline.cli.entry import main; main()", *arguments]
-    # In a separate process session, so that Ctrl-C does not interrupt the command.
-    done = subprocess.run(
-        command, capture_output=True, text=True, check=False, timeout=UP_LIMIT_S, start_new_session=True
-    )
-    if done.returncode != 0:
-        raise RuntimeError(f"lifeline {arguments[0]} failed: {done.stderr}")
-
-
-@asynccontextmanager
-async def client(endpoint: str) -> AsyncGenerator[ZenohBus]:
-    """Open a client bus while the context is open."""
-    async with asyncio.timeout(START_S):
-        bus = await open_bus(BusConfig(endpoint), "client")
-    try:
-        yield bus
-    finally:
-        await bus.close()
-
-
-@asynccontextmanager
-async def feeding(feeds: Iterable[Coroutine[None, None, None]]) -> AsyncGenerator[None]:
-    """Run the coroutines concurrently while the context is open."""
-    tasks = [asyncio.ensure_future(feed) for feed in feeds]
-    try:
-        yield
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
-
-
-class Stream(Generic[M]):
-    """The messages of a topic; `next` waits for one."""
-
-    def __init__(self, bus: ZenohBus, topic: Topic[M], depth: int = 64) -> None:
-        self._wake = asyncio.Event()
-        self._inbox: Subscription[M] = bus.subscribe(topic, depth=depth, wake=self._wake)
-        self._runs: set[bytes | None] = {None}
-
-    def take(self) -> list[Arrival[M]]:
-        return self._inbox.take()
-
-    async def next(
-        self, holds: Callable[[M], bool] = lambda _: True, *, of_new_run: bool = False
-    ) -> tuple[float, M]:
-        """Return the next message and its arrival time [s]; drop those before it.
-
-        Args:
-            holds: a condition for the message.
-            of_new_run: whether no message of the same run of its sender may have been returned before.
-
-        Raises:
-            TimeoutError: there is none in time.
-        """
-        async with asyncio.timeout(START_S):
-            while True:
-                self._wake.clear()
-                for arrival in self.take():
-                    run = None if arrival.stamp is None else arrival.stamp.gid
-                    is_expected = not of_new_run or run not in self._runs
-                    if is_expected and arrival.message is not None and holds(arrival.message):
-                        self._runs.add(run)
-                        return arrival.arrival_s, arrival.message
-                await self._wake.wait()
-
-
-async def at_rate(rate_hz: float, act: Callable[[], object]) -> None:
-    loop = asyncio.get_running_loop()
-    next_s = loop.time()
-    while True:
+def send(acts: Sequence[Act], ended: threading.Event) -> list[tuple[float, float]]:
+    """Do everything at its rate until `ended` is set; return the due time [s] and the lateness [s] of each sample."""
+    began_s = time.monotonic()
+    due = [(began_s + number * SPREAD % 1.0 / rate_hz, number) for number, (_, rate_hz) in enumerate(acts)]
+    heapq.heapify(due)
+    late: list[tuple[float, float]] = []
+    while not ended.is_set():
+        due_s, number = due[0]
+        now_s = time.monotonic()
+        if now_s < due_s:
+            time.sleep(due_s - now_s)
+            now_s = time.monotonic()
+        late.append((due_s, now_s - due_s))
+        act, rate_hz = acts[number]
         act()
-        next_s = max(next_s + 1.0 / rate_hz, loop.time())
-        await asyncio.sleep(next_s - loop.time())
+        heapq.heapreplace(due, (max(due_s + 1.0 / rate_hz, now_s), number))
+    return late
 
 
-def scan(ranges: scenery.Ranges) -> LaserScan:
-    """Return a LaserScan that covers a full turn."""
-    return laser_scan(
-        ranges,
-        angle_min_rad=scenery.ANGLE_MIN,
-        angle_increment_rad=scenery.angle_increment(len(ranges)),
-        range_m=(scenery.RANGE_MIN_M, scenery.RANGE_MAX_M),
-        period_s=1.0 / SCAN_HZ,
-    )
+def encoded_scans(wall_m: float = scenery.ROOM_M) -> list[bytes]:
+    """Return scans of a full turn in a room, of a robot that stands."""
+    range_m = scenery.RANGE_MIN_M, scenery.RANGE_MAX_M
+    scans = scenery.scans(BEAMS, SCANS, wall_m=wall_m)
+    return [encode(laser_scan(ranges, range_m=range_m, period_s=1.0 / SCAN_HZ)) for ranges in scans]
 
 
-class Robot:
-    """Plays the lidar and the base of a robot on a bus; the base follows each command at once, at its place.
-
-    Args:
-        bus: of a client.
-        ranges: the scans, again and again.
-    """
-
-    def __init__(self, bus: ZenohBus, ranges: Iterable[scenery.Ranges]) -> None:
-        self.ranges = itertools.cycle(ranges)
-        self.velocity = (0.0, 0.0)
-        """Linear [m/s] and angular [rad/s]: the last command."""
-        self.arrivals_s: list[float] = []
-        """When each command arrived."""
-        self._commands = bus.subscribe(topics.CMD_VEL, depth=100_000)
-        self._scans, self._odometry = bus.publisher(topics.SCAN), bus.publisher(topics.ODOM)
-
-    def feeds(self) -> list[Coroutine[None, None, None]]:
-        """Return what sends scans and odometry at their rates."""
-        return [
-            at_rate(SCAN_HZ, lambda: self._scans.put(scan(next(self.ranges)))),
-            at_rate(ODOM_HZ, self._move),
-        ]
-
-    def _move(self) -> None:
-        for arrival in self._commands.take():
-            self.arrivals_s.append(arrival.arrival_s)
-            if arrival.message is not None:
-                self.velocity = arrival.message.linear.x, arrival.message.angular.z
-        self._odometry.put(odometry(self.pose(), self.velocity))
-
-    def pose(self) -> tuple[float, float, float]:
-        """Return x [m], y [m] and yaw [rad] after another period of the odometry."""
-        return 0.0, 0.0, 0.0
+async def _sessions(configs: Sequence[BusConfig]) -> list[ZenohSession]:
+    return [ZenohSession(await open_session(config, "client"), config.namespace) for config in configs]
 
 
-def mode_of(status: SafetyStatus) -> str:
-    """Return the mode's name and the stop reasons."""
-    return " ".join([MODES[status.mode], *status.reasons])
+def main() -> None:
+    plan = Plan(**json.loads(sys.argv[1]))
+    scans = encoded_scans(plan.wall_m)
+    waiting, ended = set(range(len(plan.robots))), threading.Event()
 
+    def moved(number: int) -> None:
+        if number in waiting:
+            waiting.discard(number)
+            if not waiting:
+                print("driving", flush=True)
 
-async def play(endpoint: str) -> None:
-    """Play a robot in a free room until this task is cancelled."""
-    async with client(endpoint) as bus:
-        robot = Robot(bus, scenery.scans(BEAMS, SCANS, wall_m=scenery.ROOM_M))
-        async with feeding(robot.feeds()):
-            await asyncio.Event().wait()
+    sessions = asyncio.run(_sessions([BusConfig(*robot) for robot in plan.robots]))
+    bodies = [Body(session, scans, lambda n=number: moved(n)) for number, session in enumerate(sessions)]
+    ways = [None if way is None else BusConfig(way[0], way[1], keys=Path(way[2])) for way in plan.operators]
+    behind = iter(asyncio.run(_sessions([way for way in ways if way is not None])))
+    operators = [
+        Operator(session if way is None else next(behind), body, plan.speed_m_s)
+        for way, session, body in zip(ways, sessions, bodies, strict=False)
+    ]
+
+    def read_commands() -> None:
+        for line in sys.stdin:
+            word, *numbers = line.split()
+            if word == "end":
+                break
+            for number in numbers:
+                operators[int(number)].leave()
+        ended.set()
+
+    threading.Thread(target=read_commands, daemon=True).start()
+    acts = [act for body in bodies for act in body.acts()]
+    late = send([*acts, *((one.put_command, COMMAND_HZ) for one in operators)], ended)
+    found = [
+        {"heard": body.heard.copy(), "statuses": body.statuses(), "garbled": body.garbled} for body in bodies
+    ]
+    print(json.dumps({"robots": found, "late": late}), flush=True)
 
 
 if __name__ == "__main__":
-    asyncio.run(play(sys.argv[1]))
+    main()

@@ -37,13 +37,6 @@ def usage(pid: int, thread: int | None = None) -> Usage:
     return Usage(sum(row[0] for row in rows) / 1e9, sum(row[1] for row in rows) / 1e9, time.monotonic())
 
 
-def started_s(pid: int) -> float:
-    """Return when a process was started [s since boot], rounded down to the clock tick, usually 10 ms."""
-    # The fields after the process's name, which may contain spaces.
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return int(fields[19]) / _CLOCK_TICKS_S
-
-
 def status(pid: int, name: str) -> int:
     """Return a number of the main thread's /proc/<pid>/status.
 
@@ -78,3 +71,18 @@ def machine() -> Machine:
 def busy_percent(before: Machine, after: Machine) -> float:
     """Return the busy share of all cores between two readings [%]."""
     return 100.0 * (1.0 - (after.idle_s - before.idle_s) / (after.total_s - before.total_s))
+
+
+_averages = [os.getloadavg()[0]]
+"""The load average before the benchmark, and those that `look` has noted during it."""
+
+
+def look() -> None:
+    """Note the load average of the machine."""
+    _averages.append(os.getloadavg()[0])
+
+
+def averages() -> tuple[float, float]:
+    """Return the load average of the machine before the benchmark, and the greatest one that was seen during it."""
+    look()
+    return _averages[0], max(_averages[1:])

@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TypeVar
 
+from bench.rig.load import look
 from deploy.stack.errors import DeployError, Interrupted, interrupts
 
 EXIT_FAILED = 1
@@ -56,6 +57,11 @@ class CommandLine:
             help=f"{text}{shown}",
         )
 
+    def flag(self, name: str, text: str) -> None:
+        """Add an option without a value."""
+        self._names.append(name)
+        self.parser.add_argument(f"--{name}", action="store_true", default=None, help=text)
+
     def file(self, name: str, text: str) -> None:
         """Add the option for a file that the bench writes; it is not a part of the command that repeats the run."""
         self.parser.add_argument(f"--{name}", type=output_file, metavar="FILE", help=text)
@@ -69,7 +75,7 @@ class CommandLine:
         for name in self._names:
             value = getattr(options, name.replace("-", "_"))
             if value is not None:
-                words.append(f"--{name} {_words(value)}")
+                words.append(f"--{name}" if value is True else f"--{name} {_words(value)}")
         return " ".join(words)
 
 
@@ -79,7 +85,8 @@ def _words(value: object) -> str:
 
 
 def progress(text: str) -> None:
-    """Report the progress of a bench, beside its results."""
+    """Report the progress of a bench, beside its results, and note the load of the machine."""
+    look()
     print(text, file=sys.stderr, flush=True)
 
 

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
+from wire.host.connections import LISTENING, tcp_sockets
+
 ROOT = Path(__file__).resolve().parents[2]
 LISTEN_LIMIT_S, END_LIMIT_S = 30.0, 5.0
 _PR_SET_PDEATHSIG = 1
@@ -193,11 +195,10 @@ def wait_until_listening(address: str) -> None:
     Raises:
         RuntimeError: nothing listens in time.
     """
-    port = f":{int(address.rpartition(':')[2]):04X}"
+    port = f"{int(address.rpartition(':')[2]):04X}"
     deadline_s = time.monotonic() + LISTEN_LIMIT_S
     while time.monotonic() < deadline_s:
-        rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
-        if any(row[1].endswith(port) and row[3] == "0A" for row in rows):
+        if any(row.state == LISTENING for row in tcp_sockets((port, "0000"))):
             return
         time.sleep(0.01)
     raise RuntimeError(f"nothing listens on {address}")

@@ -1,12 +1,9 @@
-"""Tables and verdicts of the benchmarks, on the terminal and in markdown."""
+"""Tables and verdicts of the benchmarks, for the terminal and for documents."""
 
 import math
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
-from importlib.metadata import version
-from pathlib import Path
 from typing import Annotated, TypeVar
 
 import numpy as np
@@ -14,14 +11,11 @@ from pydantic import BeforeValidator
 from rich.console import Console
 from rich.table import Table
 
-from faults import trial_file
+from bench.rig.stored import origin, was_idle
 
 T = TypeVar("T")
 Column = tuple[str, Callable[[T], str]]
 """The title of a column, and a function that returns its cell in the row of a measurement."""
-
-MACHINE = f"{trial_file.machine()}, numpy {version('numpy')}"
-"""The machine, with its load average before the benchmarks."""
 
 
 @dataclass(frozen=True)
@@ -41,19 +35,16 @@ class Sheet:
 
     def section(self, heading: str) -> list[str]:
         """Return the lines of a section of a document, with a heading such as `##`."""
-        table = _table(self.columns, self.rows)
+        table = markdown_table(self.columns, self.rows, others="--:")
         return [f"{heading} {self.title}", "", *table, "", *(f"* {note}" for note in self.notes)]
 
     def with_note(self, note: str) -> "Sheet":
         return replace(self, notes=(*self.notes, note))
 
 
-VERDICT_COLUMNS = ("target", "measured", "at most", "unit", "result")
-
-
 @dataclass(frozen=True)
 class Verdict:
-    """One target and its measurement."""
+    """One target and its measurement: never a time of its own, but its ratio to a reference of the same run, or what it is above it."""
 
     what: str
     measured: float
@@ -71,12 +62,14 @@ class Verdict:
             else "OVER TARGET"
         )
 
-    def row(self) -> tuple[str, ...]:
-        """Return the cells of a table, as `VERDICT_COLUMNS`."""
-        return self.what.rstrip(","), f"{self.measured:.3g}", f"{self.target:.3g}", self.unit, self.state
+    def sentence(self, *, is_judged: bool) -> str:
+        state = self.state if is_judged else "not judged"
+        return f"{state}: {self.what} {self.measured:.3g} {self.unit}, at most {self.target:.3g} {self.unit}"
 
-    def sentence(self) -> str:
-        return f"{self.state}: {self.what} {self.measured:.3g} {self.unit}, at most {self.target:.3g} {self.unit}"
+
+def sentences(verdicts: Iterable[Verdict], run: Mapping[str, str]) -> list[str]:
+    """Return a sentence for each target; none is judged if the machine was not idle during the run."""
+    return [verdict.sentence(is_judged=was_idle(run)) for verdict in verdicts]
 
 
 def percentile(values: Iterable[float], percent: float) -> float:
@@ -103,20 +96,11 @@ class Times:
         found = list(times_ms)
         return cls(len(found), *(percentile(found, percent) for percent in (50, 99, 100)))
 
-    @staticmethod
-    def columns(what: str, of: Callable[[T], "Times"], digits: int = 1) -> "tuple[Column[T], ...]":
-        """Return the columns of the median, the 99th percentile and the maximum."""
-        return (
-            (f"{what} p50", lambda one: f"{of(one).p50_ms:.{digits}f}"),
-            ("p99", lambda one: f"{of(one).p99_ms:.{digits}f}"),
-            ("max", lambda one: f"{of(one).max_ms:.{digits}f}"),
-        )
 
-
-def show(sheets: Iterable[Sheet], verdicts: Iterable[Verdict]) -> None:
-    """Print the tables and verdicts."""
+def show(sheets: Iterable[Sheet], verdicts: Iterable[Verdict], run: Mapping[str, str]) -> None:
+    """Print the tables, the targets and the origin of a run."""
     # A pipe has no width; the default width would truncate the tables.
-    console = Console() if sys.stdout.isatty() else Console(width=130)
+    console = Console() if sys.stdout.isatty() else Console(width=170)
     for sheet in sheets:
         table = Table(title=sheet.title, title_justify="left", title_style="bold")
         for number, column in enumerate(sheet.columns):
@@ -124,50 +108,24 @@ def show(sheets: Iterable[Sheet], verdicts: Iterable[Verdict]) -> None:
         for row in sheet.rows:
             table.add_row(*row)
         console.print(table)
-    for verdict in verdicts:
-        sentence = verdict.sentence()
-        console.print(sentence, style="bold red" if sentence.startswith("OVER") else "green", highlight=False)
-    console.print(f"{MACHINE}; commit {trial_file.commit()}", style="dim", highlight=False)
+    for sentence in sentences(verdicts, run):
+        style = {"on": "green", "OVER": "bold red"}.get(sentence.partition(" ")[0], "dim")
+        console.print(sentence, style=style, highlight=False)
+    console.print(origin(run), style="dim", highlight=False)
 
 
-def write_markdown(
-    path: Path, heading: str, command: str, sheets: Iterable[Sheet], verdicts: Iterable[Verdict]
-) -> None:
-    """Write the markdown document.
+def markdown_table(
+    columns: Sequence[str], rows: Iterable[Sequence[str]], *, others: str = "---"
+) -> list[str]:
+    """Return the lines of a markdown table.
 
     Args:
-        path: the file.
-        heading: title and introduction.
-        command: that wrote the document.
-        sheets: its tables.
-        verdicts: its targets.
+        columns: their titles.
+        rows: their cells.
+        others: how the columns after the first one are aligned: `---` left, `--:` right.
     """
-    parts = [
-        heading,
-        "Written by the command below; do not edit.",
-        "",
-        f"* command: `{command}`",
-        f"* date: {now()}",
-        f"* machine: {MACHINE}",
-        f"* commit: {trial_file.commit()}",
-        "",
-        "## Targets",
-        "",
-        *_table(VERDICT_COLUMNS, [verdict.row() for verdict in verdicts]),
-    ]
-    parts += [line for sheet in sheets for line in ("", *sheet.section("##"))]
-    path.write_text("\n".join(parts) + "\n")
-
-
-def _table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """Return the lines of a markdown table."""
     return [
         f"| {' | '.join(columns)} |",
-        f"|{'|'.join(['---'] + ['--:'] * (len(columns) - 1))}|",
+        f"|{'|'.join(['---'] + [others] * (len(columns) - 1))}|",
         *(f"| {' | '.join(row)} |" for row in rows),
     ]
-
-
-def now() -> str:
-    """Return the date and time of day in UTC."""
-    return datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")

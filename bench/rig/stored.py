@@ -4,18 +4,22 @@ Measurements that take hours are appended to their file one by one, and the run 
 """
 
 import json
+import math
 import os
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
+from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
+from bench.rig.load import averages
 from bench.rig.program import ROOT
-from bench.rig.sheet import MACHINE, now
 from faults.trial import PROVENANCE_BEGINS, Provenance, parse
-from faults.trial_file import commit, whole_lines
+from faults.trial_file import commit, machine, whole_lines
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -45,14 +49,38 @@ class StoredRun(NamedTuple):
             raise RuntimeError(f"a stored run has a damaged {kind}: {error}") from error
 
 
+def now() -> str:
+    """Return the date and time of day in UTC."""
+    return datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+
+
 def this_run(command: str) -> dict[str, str]:
-    """Return command, date, machine and commit of a run that has just ended."""
-    return {"command": command, "date": now(), "machine": MACHINE, "commit": commit()}
+    """Return command, date, machine and commit of a run that has just ended; the machine with its load, and whether it was idle."""
+    before, during = averages()
+    loads = f"load average {before:.1f} before and {during:.1f} during"
+    text = f"{re.sub(r'load average [0-9.]+', loads, machine())}, numpy {version('numpy')}"
+    return {"command": command, "date": now(), "machine": text, "idle": _idle(text), "commit": commit()}
+
+
+def was_idle(run: Mapping[str, str]) -> bool:
+    """Return whether no load average of a run exceeded the number of cores; earlier runs have only that before them."""
+    return _idle(run["machine"]) == "yes"
+
+
+def loads(machine: str) -> list[float]:
+    """Return the load averages in the description of a machine: before a run, and during it if that is known."""
+    found = re.findall(r"load average ([\d.]+)(?: before)?(?: and ([\d.]+) during)?", machine)
+    return [float(load) for pair in found for load in pair if load]
+
+
+def _idle(machine: str) -> str:
+    cores = re.match(r"\d+(?= cores)", machine)
+    return "yes" if cores and max(loads(machine), default=math.inf) <= int(cores[0]) else "no"
 
 
 def provenance(command: str) -> Provenance:
-    """Return the description of this run as a provenance, for a file to which measurements are appended."""
-    return Provenance.model_validate(this_run(command))
+    """Return the description of a run that begins now, for a file to which measurements are appended."""
+    return Provenance(command=command, date=now(), machine=machine(), commit=commit())
 
 
 def read_appended(path: Path, made: type[T]) -> tuple[list[T], list[Provenance]]:
@@ -71,9 +99,10 @@ def read_appended(path: Path, made: type[T]) -> tuple[list[T], list[Provenance]]
     return measured, origins
 
 
-def origin(run: dict[str, str]) -> str:
+def origin(run: Mapping[str, str]) -> str:
     """Return a sentence that describes a run."""
-    return "Run of {date} by `{command}`: {machine}; commit {commit}.".format(**run)
+    mark = "" if was_idle(run) else " **The machine was not idle.**"
+    return "Run of {date} by `{command}`: {machine}; commit {commit}.".format(**run) + mark
 
 
 def rows_of(kind: str, measured: "Iterable[DataclassInstance]", digits: int | None = None) -> list[Row]:
@@ -84,6 +113,8 @@ def rows_of(kind: str, measured: "Iterable[DataclassInstance]", digits: int | No
 def _short(value: Any, digits: int | None) -> object:  # noqa: ANN401 - any field
     if isinstance(value, tuple):
         return [_short(one, digits) for one in value]  # pyright: ignore[reportUnknownVariableType]
+    if isinstance(value, dict):
+        return {name: _short(one, digits) for name, one in value.items()}  # pyright: ignore[reportUnknownVariableType]
     return round(value, digits) if isinstance(value, float) and digits is not None else value
 
 

@@ -4,25 +4,22 @@ import itertools
 import json
 import os
 import random
-import re
 import signal
-import subprocess
 import time
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from bench.rig.feed import Supervisor, supervisor
+from bench.rig.feed import Plan
 from bench.rig.load import busy_percent, machine, usage
+from bench.rig.nodes import Supervisor, supervisor
 from bench.rig.options import progress
 from bench.rig.program import Program, SilentError, program, wait_until_listening
 from bench.rig.sheet import percentile
 from bench.robots import results
-from bench.robots.feeder import namespace_of
+from bench.robots.site import Site
 from wire.bus_config import BusConfig
 
 STARTING = 2
@@ -35,29 +32,8 @@ HOLD_S = (0.2, 0.4)
 HOLD_LIMIT_S = 5.0
 STAND_S = 0.3
 """Time from a kill to the start of the next operator."""
-KILLS_LIMIT_S, DUMP_LIMIT_S, SS_LIMIT_S = 60.0, 60.0, 10.0
+KILLS_LIMIT_S, DUMP_LIMIT_S = 60.0, 60.0
 DEFAULT = BusConfig().namespace
-_BYTES = re.compile(r"bytes_(?:sent|received):(\d+)")
-
-
-@dataclass(frozen=True)
-class Site:
-    """A router through which the operators reach their robots."""
-
-    endpoint: str
-    pid: int
-    operator: Path
-    """The bundle of the operators."""
-    configs: Sequence[Path]
-    """The configurations of the supervisors, which dial out to the router."""
-
-    def use(self) -> tuple[float, int]:
-        """Return the processor time of the router until now [s], and the bytes that it has sent and received on the open links."""
-        port = self.endpoint.rpartition(":")[2]
-        # Each link is counted at the router's side.
-        command = ["ss", "-tinH", "state", "established", f"( sport = :{port} )"]
-        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=SS_LIMIT_S)
-        return usage(self.pid).cpu_s, sum(map(int, _BYTES.findall(done.stdout)))
 
 
 def _start(robots: int, site: Site | None, ending: ExitStack) -> list[Supervisor]:
@@ -106,12 +82,11 @@ def measure(
         progress(f"{crowd}: start")
         supervisors = _start(robots, site, ending)
         endpoints = [one.endpoint for one in supervisors]
-        own = [
-            (endpoint, DEFAULT if site is None else namespace_of(n)) for n, endpoint in enumerate(endpoints)
-        ]
-        behind = [] if site is None else [(site.endpoint, name, str(site.operator)) for _, name in own]
-        words = [json.dumps(own), json.dumps(behind)]
-        feeder = ending.enter_context(program("bench.robots.feeder", arguments=words))
+        namespaces = [DEFAULT] * robots if site is None else site.namespaces
+        own = list(zip(endpoints, namespaces, strict=True))
+        behind = None if site is None else [(site.endpoint, name, str(site.operator)) for name in namespaces]
+        plan = Plan(own, behind or [None] * robots)
+        feeder = ending.enter_context(program("bench.rig.feed", arguments=plan.words()))
         with suppress(SilentError):  # with too many robots, some never drive: that is a result
             feeder.line(DRIVE_LIMIT_S)
         time.sleep(SETTLE_S)

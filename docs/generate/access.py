@@ -1,16 +1,13 @@
-"""Write the generated part of docs/access.md: `python -m docs.generate.access`.
+"""Write the generated part of docs/access.md.
 
 The part `roles` is the access control as a table, from the grants that the hub applies.
 """
 
-import sys
-from pathlib import Path
-
+from bench.rig.sheet import markdown_table
 from docs.generate import sections
 from wire.access import Contract, Message, grants_of
 from wire.roles import Role
 
-DOCUMENT = Path(__file__).parents[1] / "access.md"
 NAMESPACE = "robot"
 SHOWN: tuple[tuple[str, Message], ...] = (
     ("may write", "put"),
@@ -24,9 +21,8 @@ CONTRACT = Contract(
 
 
 def roles_table() -> str:
-    head = ["| role | " + " | ".join(title for title, _ in SHOWN) + " |", "|---|" + "---|" * len(SHOWN)]
-    roles = [role for role in Role if role is not Role.SUPERVISOR]
-    return "\n".join([*head, *(f"| {role} | " + " | ".join(_cells(role)) + " |" for role in roles)])
+    rows = ([role, *_cells(role)] for role in Role if role is not Role.SUPERVISOR)
+    return "\n".join(markdown_table(["role", *(title for title, _ in SHOWN)], rows))
 
 
 def _cells(role: Role) -> list[str]:
@@ -45,16 +41,3 @@ def _cells(role: Role) -> list[str]:
 
 
 PARTS: sections.Parts = {"roles": roles_table}
-
-
-def regenerated(text: str) -> str:
-    """Return the document with its generated part updated.
-
-    Raises:
-        ValueError: the document has no place for it.
-    """
-    return sections.regenerated(text, PARTS, "docs/access.md")
-
-
-if __name__ == "__main__":
-    sys.exit(sections.main("python -m docs.generate.access", DOCUMENT, regenerated))

@@ -1,29 +1,24 @@
-"""Write the tables of docs/commands.md: `python -m docs.generate.commands`.
+"""Write the tables of docs/commands.md.
 
 There is one part for each panel of `lifeline --help`, with one row for each command: its required options and arguments, and the first
 paragraph of its help.
 """
 
-import sys
 from collections.abc import Iterable, Iterator
-from pathlib import Path
 
 import typer
 from typer.core import TyperArgument, TyperGroup, TyperOption
 from typer.main import get_group
 
+from bench.rig.sheet import markdown_table
 from docs.generate import sections
 from lifeline.cli.app import PARTS as PANELS
-
-DOCUMENT = Path(__file__).parents[1] / "commands.md"
 
 
 def table(panel: typer.Typer) -> str:
     """Return the table of a panel."""
     rows = ([cell.replace("|", "\\|") for cell in row] for row in _rows(get_group(panel), "lifeline"))
-    return "\n".join(
-        ["| command | does |", "|---|---|", *(f"| `{usage}` | {does} |" for usage, does in rows)]
-    )
+    return "\n".join(markdown_table(("command", "does"), ((f"`{usage}`", does) for usage, does in rows)))
 
 
 def _rows(group: TyperGroup, path: str) -> Iterator[tuple[str, str]]:
@@ -46,21 +41,7 @@ def _needed(parameters: Iterable[object]) -> Iterator[str]:
             yield one.metavar or str(one.name).upper()
 
 
-def parts() -> sections.Parts:
-    """Return the parts by name: the panel's title in lower case, with hyphens."""
-    return {
-        title.lower().replace(" ", "-"): lambda panel=panel: table(panel) for title, panel in PANELS.items()
-    }
-
-
-def regenerated(text: str) -> str:
-    """Return the document with its generated parts updated.
-
-    Raises:
-        ValueError: a panel has no place in the document.
-    """
-    return sections.regenerated(text, parts(), "docs/commands.md")
-
-
-if __name__ == "__main__":
-    sys.exit(sections.main("python -m docs.generate.commands", DOCUMENT, regenerated))
+PARTS: sections.Parts = {
+    title.lower().replace(" ", "-"): lambda panel=panel: table(panel) for title, panel in PANELS.items()
+}
+"""By the panel's title in lower case, with hyphens."""

@@ -1,4 +1,4 @@
-"""Write the measured parts of docs/crash-safety.md: `python -m docs.generate.crash_safety`.
+"""Write the measured parts of docs/crash-safety.md.
 
 The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 
@@ -8,11 +8,8 @@ The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
     virtual   the table of the campaign on a virtual clock: docs/campaign/virtual.jsonl.gz
     ros2      keyboard nodes of ROS 2, with and without Lifeline: docs/campaign/ros2_crash.jsonl
     soak      the resources after an hour of driving: docs/campaign/soak.jsonl.gz
-
-`--check` writes nothing and fails if a part is out of date; tests/unit/test_crash_safety.py does the same.
 """
 
-import sys
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -30,7 +27,6 @@ from faults.report.page import percent, read_campaigns, verdict
 from faults.report.statistics import upper_rate
 from faults.trial import Provenance
 
-DOCUMENT = Path(__file__).parents[1] / "crash-safety.md"
 RESULTS = {
     "real": Path(__file__).parents[1] / "campaign" / "real.jsonl",
     "virtual": Path(__file__).parents[1] / "campaign" / "virtual.jsonl.gz",
@@ -234,25 +230,3 @@ PARTS: sections.Parts = {
     "ros2": ros2_table,
     "soak": lambda: soaked(*read_appended(SOAK, Sample)),
 }
-
-
-def regenerated(text: str) -> str:
-    """Return the document with each part regenerated.
-
-    Raises:
-        ValueError: a part has no place in the document.
-        DeployError: a result is damaged.
-    """
-    return sections.regenerated(text, PARTS, "docs/crash-safety.md")
-
-
-def main() -> int:
-    try:
-        return sections.main("python -m docs.generate.crash_safety", DOCUMENT, regenerated)
-    except DeployError as error:
-        print(f"docs/generate/crash_safety.py: {error}", file=sys.stderr)
-        return 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())

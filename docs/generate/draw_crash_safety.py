@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from bench.rig.stored import read_appended
 from bench.soak import Sample
 from docs.generate.crash_safety import SOAK, result
+from docs.generate.palette import DANGER, GREY, INK, LIGHT, RING, ROBOT, plain, style
 from faults.classes import CLASSES, FaultClass, Group
 from faults.promises import KILL_LIMIT_S, KILL_MEDIAN_S
 from faults.seen import Seen
@@ -26,10 +27,8 @@ from virtual.loop import VirtualLoop
 from wire import topics
 
 IMAGES = Path(__file__).parents[1] / "images"
-INK, GREY, LIGHT = "#20262e", "#7a8490", "#d9dee4"
-BLUE, AMBER, RED = "#3a6ea5", "#e8a33d", "#c8443c"
 DASHED = (0, (1.2, 0.8))
-DOTS = {"real": ("real processes", BLUE, -0.2), "virtual": ("virtual clock", "#a9b3bd", 0.2)}
+DOTS = {"real": ("real processes", ROBOT, -0.2), "virtual": ("virtual clock", "#a9b3bd", 0.2)}
 """Label, colour, and place below the middle of the row of each campaign."""
 
 HEADINGS: Mapping[str, str] = {
@@ -108,8 +107,8 @@ def draw_stop_times(path: Path) -> None:
             axes.plot(times_ms, heights, "o", color=colour, ms=4, alpha=0.7, mew=0)
     for one in known:
         _bound(axes, rows.index(one.name), one)
-    axes.plot([], [], color=RED, lw=2.4, label="bound")
-    axes.plot([], [], color=RED, lw=2.4, ls=DASHED, label="bound of the median")
+    axes.plot([], [], color=DANGER, lw=2.4, label="bound")
+    axes.plot([], [], color=DANGER, lw=2.4, ls=DASHED, label="bound of the median")
     axes.set_xscale("log")
     axes.set_xlim(0.08, 2000)
     axes.set_xticks((0.1, 1, 10, 100, 1000), ("0.1", "1", "10", "100", "1000"))
@@ -133,9 +132,9 @@ def _bound(axes: Axes, row: int, known: FaultClass) -> None:
     """Draw the bound of a class; after the end of a process, also that of the median."""
     assert known.bound_s is not None
     ends = [row - 0.4, row + 0.4]
-    axes.plot([1000 * known.bound_s] * 2, ends, color=RED, lw=2.4)
+    axes.plot([1000 * known.bound_s] * 2, ends, color=DANGER, lw=2.4)
     if known.bound_s == KILL_LIMIT_S:
-        axes.plot([1000 * KILL_MEDIAN_S] * 2, ends, color=RED, lw=2.4, ls=DASHED)
+        axes.plot([1000 * KILL_MEDIAN_S] * 2, ends, color=DANGER, lw=2.4, ls=DASHED)
 
 
 def killed() -> Seen:
@@ -182,21 +181,20 @@ def draw_sigkill(path: Path, seen: Seen) -> None:
             *_scaled(commands, scale),
             ".-",
             drawstyle="steps-post",
-            color=BLUE,
+            color=ROBOT,
             lw=1.6,
             ms=4,
             label="permitted (cmd_vel)",
         )
-        axes.plot(*_scaled(motions, scale), color=AMBER, lw=2.4, label="the robot's speed")
-        axes.axvline(0.0, color=RED, lw=1.6)
+        axes.plot(*_scaled(motions, scale), color=RING, lw=2.4, label="the robot's speed")
+        axes.axvline(0.0, color=DANGER, lw=1.6)
         axes.set_xlim(begin_s * scale, end_s * scale)
         axes.set_ylim(-0.05, 0.82)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.grid(color=LIGHT, lw=0.6)
+        plain(axes)
     zero_s = (
         next(c.arrival_s for c in seen.commands if c.arrival_s >= KILL_S and c.linear_m_s == 0.0) - KILL_S
     )
-    whole.text(0.015, 0.77, "SIGKILL", color=RED, fontsize=10)
+    whole.text(0.015, 0.77, "SIGKILL", color=DANGER, fontsize=10)
     whole.axvline(AGAIN_S - KILL_S, color=GREY, lw=1.2, ls=(0, (4, 3)))
     whole.text(
         AGAIN_S - KILL_S + 0.015, 0.77, "teleop restarted:\nno motion", color=INK, fontsize=9, va="top"
@@ -231,8 +229,7 @@ def draw_soak(path: Path) -> None:
     for axes, title in zip(panels, titles, strict=True):
         axes.set_title(title, fontsize=10, loc="left")
         axes.set_ylim(bottom=0.0)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.grid(color=LIGHT, lw=0.6)
+        plain(axes)
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=9, frameon=False)
     panels[-1].set_xlabel("time [min]")
     figure.savefig(path, dpi=110, metadata={"Software": None})
@@ -243,7 +240,7 @@ def _scaled(points: Sequence[tuple[float, float]], scale: float) -> tuple[list[f
 
 
 def main() -> None:
-    mpl.rcParams.update({"font.size": 10, "axes.edgecolor": GREY, "text.color": INK, "axes.labelcolor": INK})
+    style()
     if any(result(mode) is not None for mode in DOTS):
         with mpl.rc_context({"font.size": 12}):
             draw_stop_times(IMAGES / "stop_times.png")

@@ -5,20 +5,18 @@ aisle past a pillar, and the screen is taken as it is while the supervisor slows
 """
 
 import asyncio
-import copy
 import math
-import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable
-from contextlib import ExitStack
 from pathlib import Path
 
 import pyte
 
-from bench.rig.terminal import Terminal, end, teleop
-from deploy.stack.launch import free_loopback_endpoint
+from bench.rig.nodes import supervisor
+from bench.rig.program import running
+from deploy.stack.reach import Observer
+from docs.generate.screen import Screen, teleop
 from docs.generate.terminal_picture import draw
 from teleop.path.course import Pose
 from wire import topics
@@ -41,57 +39,41 @@ def take_screen() -> pyte.Screen:
     Raises:
         TimeoutError: the robot did not get there.
     """
-    endpoint = free_loopback_endpoint()
-    with ExitStack() as stack:
-        folder = stack.enter_context(tempfile.TemporaryDirectory())
-        for node in (topics.SUPERVISOR, topics.SIM):
-            process = subprocess.Popen(
-                [sys.executable, "-m", node, "--endpoint", endpoint],
-                stderr=subprocess.DEVNULL,
-                env=os.environ | {"LIFELINE_STATE_DIR": folder},
-            )
-            stack.callback(end, process)
-        return asyncio.run(_drive(endpoint))
+    with supervisor() as hub:
+        sim = [sys.executable, "-m", topics.SIM, "--endpoint", hub.endpoint]
+        with running(sim, stderr=subprocess.DEVNULL):
+            return asyncio.run(_drive(hub.endpoint))
 
 
 async def _drive(endpoint: str) -> pyte.Screen:
-    async with asyncio.timeout(PATIENCE_S):
-        bus = await open_bus(BusConfig(endpoint), "client")
-        try:
-            return await _pass_pillar(bus, endpoint)
-        finally:
-            await bus.close()
+    bus = await open_bus(BusConfig(endpoint), "client")
+    try:
+        return await _pass_pillar(bus, endpoint)
+    finally:
+        await bus.close()
 
 
 async def _pass_pillar(bus: ZenohBus, endpoint: str) -> pyte.Screen:
-    wake = asyncio.Event()
-    statuses, truths = bus.subscribe(topics.STATUS, wake=wake), bus.subscribe(topics.TRUTH)
-    screen = pyte.Screen(COLUMNS, ROWS)
-    terminal = Terminal(COLUMNS, ROWS, pyte.ByteStream(screen).feed)
+    truths, robot, screen = bus.subscribe(topics.TRUTH), Observer(bus), Screen(COLUMNS, ROWS)
 
     async def until(condition: Callable[[SafetyStatus], bool]) -> None:
-        while True:
-            await wake.wait()
-            wake.clear()
-            newest = statuses.latest()
-            if newest is not None and newest.message is not None and condition(newest.message):
-                return
+        if not await robot.until(lambda one: one.status is not None and condition(one.status), PATIENCE_S):
+            raise TimeoutError("\n".join(screen.rows))
 
-    with teleop(terminal, "--endpoint", endpoint):
+    with teleop(screen, "--endpoint", endpoint):
         await until(lambda status: status.mode == SafetyStatus.READY)
         truth = truths.latest()
         assert truth is not None, "the simulator of our own says where the robot is"
         assert truth.message is not None
         bus.publisher(topics.OBSTACLE).put(_beside_the_way(truth.message))
-        terminal.type(" ")
+        screen.type(" ")
         await until(lambda status: "ESTOP" in status.reasons)
-        terminal.type("r")
+        screen.type("r")
         await until(lambda status: status.mode == SafetyStatus.READY)
-        terminal.type(KEYS)
+        screen.type(KEYS)
         await until(lambda status: status.mode == SafetyStatus.LIMITED and status.nearest_m < NEAR_M)
-        while not all(any(word in row for row in screen.display) for word in WORDS):
-            await until(lambda _: True)
-        return copy.deepcopy(screen)
+        await until(lambda _: all(any(word in row for row in screen.rows) for word in WORDS))
+        return screen.screen
 
 
 def _beside_the_way(truth: Odometry) -> Point:

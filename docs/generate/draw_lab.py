@@ -11,14 +11,14 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pyte
 
-from bench.rig.terminal import Terminal, running, teleop
 from deploy.stack.launch import free_loopback_endpoint
+from docs.generate.screen import Screen, running, teleop
 from docs.generate.terminal_picture import draw
 from wire.host.state_directory import ENVIRONMENT
 
@@ -28,65 +28,27 @@ REPORT = Path("lab-report")
 LIFELINE = ".venv/bin/lifeline"
 TELEOP_SIZE, SHELL_SIZE = (112, 31), (84, 40)
 """Columns and rows."""
-PATIENCE_S = 60.0
 PROMPT = "$ "
 PILLAR = "{x: -1.5, y: 0}"
 """In the world: 3 m ahead of the robot's start."""
 
 
-class Screen:
-    """A terminal with its emulated screen.
-
-    Args:
-        columns: width of the terminal.
-        rows: height of the terminal.
-    """
-
-    def __init__(self, columns: int, rows: int) -> None:
-        self.screen = pyte.Screen(columns, rows)
-        self._stream = pyte.ByteStream(self.screen)
-        self._changed = asyncio.Event()
-        self.terminal = Terminal(columns, rows, self._see)
-
-    def _see(self, output: bytes) -> None:
-        self._stream.feed(output)
-        self._changed.set()
-
-    async def _until(self, condition: Callable[[], bool]) -> None:
-        try:
-            async with asyncio.timeout(PATIENCE_S):
-                while not condition():
-                    self._changed.clear()
-                    await self._changed.wait()
-        except TimeoutError as error:
-            raise TimeoutError("\n".join(self.screen.display)) from error
-
-    async def until_shows(self, *texts: str) -> None:
-        """Wait until the screen shows some texts, whatever the spaces between their words.
-
-        Raises:
-            TimeoutError: it does not show them.
-        """
-        await self._until(
-            lambda: all(text in " ".join(" ".join(self.screen.display).split()) for text in texts)
-        )
+class Shell(Screen):
+    """A terminal in which a shell runs."""
 
     async def run(self, *lines: str) -> None:
-        """Type different lines into a shell, each when the one before has ended.
+        """Type different lines into the shell, each when the one before has ended.
 
         Raises:
             TimeoutError: one does not end.
         """
-        await self._until(self._is_at_prompt)
+        await self.until(self._is_at_prompt)
         for line in lines:
-            self.terminal.type(f"{line}\n")
-            await self._until(lambda row=f"{PROMPT}{line}": self._is_at_prompt() and row in self._rows())
+            self.type(f"{line}\n")
+            await self.until(lambda row=f"{PROMPT}{line}": self._is_at_prompt() and row in self.rows)
 
     def _is_at_prompt(self) -> bool:
-        return self._rows()[self.screen.cursor.y] == PROMPT.rstrip()
-
-    def _rows(self) -> list[str]:
-        return [row.rstrip() for row in self.screen.display]
+        return self.rows[self.screen.cursor.y] == PROMPT.rstrip()
 
 
 async def take_screens(endpoint: str, graph: Path) -> dict[str, pyte.Screen]:
@@ -104,16 +66,16 @@ async def take_screens(endpoint: str, graph: Path) -> dict[str, pyte.Screen]:
     """
     screens: dict[str, pyte.Screen] = {}
     operator = Screen(*TELEOP_SIZE)
-    with teleop(operator.terminal, "--endpoint", endpoint):
+    with teleop(operator, "--endpoint", endpoint):
         await operator.until_shows("READY")
         with shell() as echo:
             await echo.run(f"{LIFELINE} topic pub sim/obstacle '{PILLAR}' --once")
-            operator.terminal.type("www")
+            operator.type("www")
             await operator.until_shows("DRIVING", "permitted +0.30")
             await echo.run(f"{LIFELINE} topic echo cmd_vel --once")
-            operator.terminal.type("\r")
+            operator.type("\r")
             await operator.until_shows("nearest 0.6")
-            operator.terminal.type("\r")
+            operator.type("\r")
             await operator.until_shows("DRIVING", "measured +0.30")
             screens["lab-teleop.png"] = copy.deepcopy(operator.screen)
             await operator.until_shows("OBSTACLE", "permitted 0.00")
@@ -127,12 +89,12 @@ async def take_screens(endpoint: str, graph: Path) -> dict[str, pyte.Screen]:
 
 
 @contextmanager
-def shell() -> Generator[Screen]:
+def shell() -> Generator[Shell]:
     """A shell at the project's root."""
-    made = Screen(*SHELL_SIZE)
+    made = Shell(*SHELL_SIZE)
     bash = shutil.which("bash")
     assert bash is not None
-    with running(made.terminal, bash, "--norc", "--noprofile", "-i", PS1=PROMPT):
+    with running(made, bash, "--norc", "--noprofile", "-i", PS1=PROMPT):
         yield made
 
 

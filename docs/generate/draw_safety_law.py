@@ -6,14 +6,13 @@ The curves are the law's own: `supervisor.law.clearance` computes them, with the
 import math
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Wedge
 
 from docs.generate.draw_seen_space import draw_partial_view, draw_seen_space
-from docs.generate.palette import DANGER, GOOD, GREY, INK, LIGHT, RING, ROBOT
+from docs.generate.palette import DANGER, GOOD, GREY, INK, RING, ROBOT, plain, style
 from supervisor.config import SupervisorSection
 from supervisor.law.clearance import Barrier, permitted_closing_speed, permitted_scale, survey
 
@@ -135,13 +134,12 @@ def draw_braking(path: Path) -> None:
     axes.set_ylim(0.0, 1.7)
     axes.set_xlabel("$c$: distance from the hull [m]")
     axes.set_ylabel(r"$\kappa(c)$: permitted closing speed [m/s]")
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(color=LIGHT, lw=0.6)
+    plain(axes)
     figure.savefig(path, dpi=150)
 
 
 def main() -> None:
-    mpl.rcParams.update({"font.size": 10, "axes.edgecolor": GREY, "text.color": INK, "axes.labelcolor": INK})
+    style()
     draw_barrier(IMAGES / "barrier.png")
     draw_braking(IMAGES / "braking.png")
     draw_seen_space(IMAGES / "seen-space.png")

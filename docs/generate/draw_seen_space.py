@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Arc, Circle, Patch, Polygon
 
-from docs.generate.palette import GOOD, HIDDEN, INK, LIGHT, REMEMBERED, ROBOT
+from docs.generate.palette import GOOD, HIDDEN, INK, REMEMBERED, ROBOT, plain
 from supervisor.config import SupervisorSection
 from supervisor.law import clearance
 from supervisor.law.clearance import Barrier, Floats, Hull, Kind, permitted_scale, survey
@@ -202,8 +202,7 @@ def _speed_by_hole(axes: Axes) -> None:
     axes.set_ylabel("permitted speed straight ahead [m/s]")
     axes.set_ylim(0.0, 1.05)
     axes.set_xlim(0.0, 15.0)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(color=LIGHT, lw=0.6)
+    plain(axes)
     axes.set_title("less seen, less speed (round hull, radius 0.25 m; T = 0.1 s)", color=INK, fontsize=11)
 
 

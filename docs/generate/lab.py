@@ -1,14 +1,12 @@
-"""Write the measured parts of docs/lab.md: `python -m docs.generate.lab`.
+"""Write the measured parts of docs/lab.md.
 
-    stop      as in README.md
-    grades    the marks of three programs: docs/campaign/grade_*.json, each written by `lifeline grade --json`
-
-`--check` writes nothing and fails if a part is out of date; tests/unit/test_docs.py does the same.
+stop      as in README.md
+grades    the marks of three programs: docs/campaign/grade_*.json, each written by `lifeline grade --json`
 """
 
 import json
-import sys
 
+from bench.rig.sheet import markdown_table
 from bench.rig.stored import FOLDER
 from docs.generate import sections
 from docs.generate.crash_safety import result
@@ -16,7 +14,6 @@ from docs.generate.readme import stop
 from faults.grade.marks import TITLES, Fault, Mark, cm
 from faults.grade.report import from_json, points
 
-DOCUMENT = sections.ROOT / "docs/lab.md"
 GRADES = {
     "lab_alone": "the lab's node",
     "keys_alone": "`key_teleop`",
@@ -33,18 +30,17 @@ def grades() -> str:
     found, runs = [from_json(text) for text in texts], [json.loads(text)["run"] for text in texts]
     columns = [{one.fault: one for one in grade.marks} for grade in found]
     loads = sections.load_of(run["machine"] for run in runs)
-    rows = [
-        f"| | {' | '.join(GRADES.values())} |",
-        f"|---|{'---|' * len(found)}",
-        *(
-            f"| {title} | {' | '.join(_cell(marks[fault]) for marks in columns)} |"
-            for fault, title in TITLES.items()
-        ),
-        f"| total | {' | '.join(f'**{grade.points:g} of {grade.of}**' for grade in found)} |",
-    ]
+    rows = [(title, *(_cell(marks[fault]) for marks in columns)) for fault, title in TITLES.items()]
+    rows.append(("total", *(f"**{grade.points:g} of {grade.of}**" for grade in found)))
     commands = ", ".join(f"`{_command(run['command'])}`" for run in runs)
     origin = f"{runs[0]['date']} to {runs[-1]['date']}, {loads}, commit {runs[-1]['commit']}"
-    return "\n".join([*rows, "", f"One run each (n = 1), {origin}: {commands}."])
+    return "\n".join(
+        [
+            *markdown_table(("fault", *GRADES.values()), rows),
+            "",
+            f"One run each (n = 1), {origin}: {commands}.",
+        ]
+    )
 
 
 def _command(command: str) -> str:
@@ -65,15 +61,4 @@ def _cell(mark: Mark) -> str:
     return f"{points(mark)}: {seen.standstill_s:.2f} s, {cm(seen.distance_m)}"
 
 
-def regenerated(text: str) -> str:
-    """Return the document with its generated parts updated.
-
-    Raises:
-        ValueError: a part has no place in the document.
-        DeployError: a result is damaged.
-    """
-    return sections.regenerated(text, {"grades": grades, "stop": lambda: stop(result("real"))}, "docs/lab.md")
-
-
-if __name__ == "__main__":
-    sys.exit(sections.main("python -m docs.generate.lab", DOCUMENT, regenerated))
+PARTS: sections.Parts = {"grades": grades, "stop": lambda: stop(result("real"))}

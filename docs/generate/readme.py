@@ -1,32 +1,30 @@
-"""Write the measured parts of README.md from stored results: `python -m docs.generate.readme`.
+"""Write the measured parts of README.md from stored results.
 
 The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 
     film    what the first picture shows: docs/campaign/crash_film.jsonl
     stop    time and distance of a robot whose teleop is killed: docs/campaign/real.jsonl and ros2_crash.jsonl
-    cost    processor time and memory of the supervision: docs/bench.md, docs/ros2.md, bench_robots.jsonl and soak.jsonl.gz in docs/campaign
-
-`--check` writes nothing and fails if a part is out of date; tests/unit/test_docs.py does the same.
+    cost    processor time and memory of the supervision: docs/ros2.md, bench.jsonl, bench_robots.jsonl and soak.jsonl.gz in docs/campaign
 """
 
 import math
 import re
-import sys
 
 import numpy as np
 
+from bench.process import Load
 from bench.rig.stored import read_appended, read_rows
 from bench.robots.results import read as read_robots
 from bench.soak import Sample
 from docs.generate import sections
+from docs.generate.benches import BENCH
 from docs.generate.crash_safety import ROS2, SOAK, result
 from docs.generate.draw_crash_animation import DRIVES, SPEED_M_S
 from docs.generate.ros2_crash import LIMIT_S, Fault, Robot
 from docs.generate.ros2_crash import read as read_ros2
 from faults.report.figures import Campaign, Spread
 
-DOCUMENT = sections.ROOT / "README.md"
-BENCH, ROS2_PAGE = sections.ROOT / "docs/bench.md", sections.ROOT / "docs/ros2.md"
+ROS2_PAGE = sections.ROOT / "docs/ros2.md"
 KILL = "teleop_sigkill"
 
 
@@ -73,32 +71,27 @@ def _processor(machine: str) -> str:
     return machine.partition("(")[2].partition(")")[0]
 
 
-def cost(bench: str, ros2: str) -> str:
+def cost() -> str:
     """Return the cost of a supervisor, a teleop and a process `ros2`.
 
-    Args:
-        bench: the text of docs/bench.md.
-        ros2: the text of docs/ros2.md, which has the figures of the process `ros2`.
-
     Raises:
-        ValueError: a figure is missing.
+        ValueError: docs/ros2.md does not have the figures of the process `ros2`, or no stored robot was limited by the barrier.
     """
-    cpu_percent = re.findall(
-        r"^\| (?:free path|limited by the barrier) (?:\|[^|\n]*){2}\| *([\d.]+) \|", bench, re.MULTILINE
-    )
-    machine = re.findall(r"^\* machine: .*", bench, re.MULTILINE)
-    bridge = re.search(r"`ros2` needs (\d+ % of a core and \d+ MB)", ros2)
-    stored = read_robots()
-    if not cpu_percent or bridge is None:
-        raise ValueError("docs/bench.md or docs/ros2.md has no processor time")
-    quiet = stored.run["machine"]
-    one_robot = next(one for one in stored.crowds if one.robots == 1)
+    bridge = re.search(r"`ros2` needs (\d+ % of a core and \d+ MB)", ROS2_PAGE.read_text())
+    if bridge is None:
+        raise ValueError("docs/ros2.md has no processor time")
+    robots, bench = read_robots(), read_rows(BENCH)
+    quiet = robots.run["machine"]
+    one_robot = next(one for one in robots.crowds if one.robots == 1)
+    limited = [one.cpu_percent for one in bench.of("process", Load) if one.mode == "LIMITED"]
+    if not limited:
+        raise ValueError("docs/campaign/bench.jsonl has no phase in which the barrier limited the robot")
     samples, _ = read_appended(SOAK, Sample)
     used = samples[-1].processes
     return (
         f"* **Cost**: the supervisor takes {np.mean(one_robot.cpu_percent):.1f} % of a core "
-        f"({_processor(quiet)}, {sections.load_of([quiet])}), up to {max(map(float, cpu_percent)):.1f} % near an obstacle on "
-        f"a busy machine ({sections.load_of(machine)}), and {used['supervisor'].rss_bytes / 1e6:.0f} MB after an hour. "
+        f"({_processor(quiet)}, {sections.load_of([quiet])}), {np.median(limited):.1f} % near an obstacle "
+        f"({sections.load_of([bench.run['machine']])}), and {used['supervisor'].rss_bytes / 1e6:.0f} MB after an hour. "
         f"The process `ros2` takes {bridge[1]}; teleop takes {used['teleop'].rss_bytes / 1e6:.0f} MB."
     )
 
@@ -106,19 +99,5 @@ def cost(bench: str, ros2: str) -> str:
 PARTS: sections.Parts = {
     "film": film,
     "stop": lambda: stop(result("real")),
-    "cost": lambda: cost(BENCH.read_text(), ROS2_PAGE.read_text()),
+    "cost": cost,
 }
-
-
-def regenerated(text: str) -> str:
-    """Return the document with its generated parts updated.
-
-    Raises:
-        ValueError: a part has no place in the document.
-        DeployError: a result is damaged.
-    """
-    return sections.regenerated(text, PARTS, "README.md")
-
-
-if __name__ == "__main__":
-    sys.exit(sections.main("python -m docs.generate.readme", DOCUMENT, regenerated))

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+from bench.rig.sheet import markdown_table
 from bench.rig.stored import read_appended
 from faults.report.statistics import quantile
 from faults.trial import Provenance
@@ -97,16 +98,10 @@ def markdown(trials: Iterable[Trial]) -> str:
     by_case: dict[Case, list[Trial]] = defaultdict(list)
     for trial in trials:
         by_case[trial.case].append(trial)
-    lines = [
-        "| teleop | fault | robot | Lifeline | n | stopped | zero p50 | standstill p50 (max) | distance p50 (max) |",
-        "|---|---|---|---|---|---|---|---|---|",
-        *(
-            f"| {' | '.join(_cells(case, by_case[case]))} |"
-            for case in cases(Teleop, Fault)
-            if case in by_case
-        ),
-    ]
-    return "\n".join(lines) + "\n"
+    columns = ("teleop", "fault", "robot", "Lifeline", "n", "stopped")
+    columns += ("zero p50", "standstill p50 (max)", "distance p50 (max)")
+    rows = (list(_cells(case, by_case[case])) for case in cases(Teleop, Fault) if case in by_case)
+    return "\n".join(markdown_table(columns, rows)) + "\n"
 
 
 def _cells(case: Case, trials: Sequence[Trial]) -> Iterator[str]:

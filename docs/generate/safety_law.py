@@ -1,4 +1,4 @@
-"""Write the generated parts of docs/safety-law.md: `python -m docs.generate.safety_law`.
+"""Write the generated parts of docs/safety-law.md.
 
 The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 
@@ -8,12 +8,9 @@ The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
     seen      the defaults of seen space and of the memory of near points
     profiles  what each lidar profile means by "no return", and how long it trusts it
     motions   the motions that the files in deploy/examples permit, found by running the law
-
-`--check` writes nothing and fails if a part is out of date; tests/unit/test_docs.py does the same.
 """
 
 import math
-import sys
 import tempfile
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Mapping
@@ -23,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.rig.sheet import markdown_table
 from docs.generate import sections
 from lifeline.check.check import examine
 from lifeline.check.motions import Permitted
@@ -46,7 +44,6 @@ from supervisor.law.surface import LEAST_NOISE_M
 from wire.lease import LEASE_S
 from wire.reasons import StopReason
 
-DOCUMENT = Path(__file__).parents[1] / "safety-law.md"
 DEFAULTS = SupervisorSection()
 
 
@@ -175,17 +172,18 @@ def reasons_table(reasons: Mapping[StopReason, Reason] = REASONS) -> str:
     missing = [reason.name for reason in StopReason if reason not in reasons]
     if missing:
         raise ValueError(f"docs/generate/safety_law.py: REASONS has no row for {', '.join(missing)}")
-    rows = ((reason, reasons[reason]) for reason in StopReason)
-    return "\n".join(
-        [
-            "| reason | raised by | when | cleared by | why it exists, and known failures without it |",
-            "|---|---|---|---|---|",
-            *(
-                f"| `{name.value}` | {whose[STOP_RULES[name].raised_by]} | {row.when}"
-                f" | {cleared_by(STOP_RULES[name])} | {row.why} |"
-                for name, row in rows
-            ),
-        ]
+    return _table(
+        ("reason", "raised by", "when", "cleared by", "why it exists, and known failures without it"),
+        (
+            (
+                f"`{name.value}`",
+                whose[STOP_RULES[name].raised_by],
+                reasons[name].when,
+                cleared_by(STOP_RULES[name]),
+                reasons[name].why,
+            )
+            for name in StopReason
+        ),
     )
 
 
@@ -245,12 +243,7 @@ def numbers_table() -> str:
 
 
 def _table(head: Row, rows: Iterable[Row]) -> str:
-    lines = (head, ("---",) * len(head), *rows)
-    return (
-        "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
-        .replace("| --- ", "|---")
-        .replace("--- |", "---|")
-    )
+    return "\n".join(markdown_table(head, rows))
 
 
 def seen_table() -> str:
@@ -603,16 +596,3 @@ PARTS: sections.Parts = {
     "states": state_diagram,
     "reasons": reasons_table,
 }
-
-
-def regenerated(text: str) -> str:
-    """Return the document with its generated parts updated.
-
-    Raises:
-        ValueError: a part has no place in the document, or a StopReason no row.
-    """
-    return sections.regenerated(text, PARTS, "docs/safety-law.md")
-
-
-if __name__ == "__main__":
-    sys.exit(sections.main("python -m docs.generate.safety_law", DOCUMENT, regenerated))

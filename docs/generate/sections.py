@@ -1,12 +1,11 @@
 """Documents with parts that a program writes, between `<!-- NAME: generated -->` and `<!-- /NAME -->`."""
 
-import argparse
 import re
-import sys
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-from bench.rig.sheet import Sheet
+from bench.rig.sheet import Sheet, Verdict, sentences
+from bench.rig.stored import loads
 
 ROOT = Path(__file__).parents[2]
 Parts = Mapping[str, Callable[[], str]]
@@ -38,8 +37,8 @@ def load_of(machines: Iterable[str]) -> str:
     Raises:
         ValueError: no description has one.
     """
-    loads = [float(load) for machine in machines for load in re.findall(r"load average ([\d.]+)", machine)]
-    least, most = min(loads), max(loads)
+    found = [load for machine in machines for load in loads(machine)]
+    least, most = min(found), max(found)
     return f"load average {least:.1f}" + (f" to {most:.1f}" if most > least else "")
 
 
@@ -48,17 +47,6 @@ def markdown(sheet: Sheet) -> str:
     return "\n".join(sheet.section("###"))
 
 
-def main(program: str, document: Path, regenerate: Callable[[str], str]) -> int:
-    """`python -m docs.generate.NAME [--check]`."""
-    name = str(document.relative_to(ROOT))
-    parser = argparse.ArgumentParser(prog=program, description=f"Update the generated parts of {name}.")
-    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if out of date")
-    arguments = parser.parse_args()
-    before = document.read_text()
-    after = regenerate(before)
-    if arguments.check and after != before:
-        print(f"{name} is out of date: make docs", file=sys.stderr)
-        return 1
-    if not arguments.check:
-        document.write_text(after)
-    return 0
+def targets(verdicts: Iterable[Verdict], run: Mapping[str, str]) -> str:
+    """Return a list of the targets of a run; none is judged if the machine was not idle."""
+    return "\n".join(f"* {sentence}" for sentence in sentences(verdicts, run))

@@ -8,7 +8,7 @@ import asyncio
 import sys
 import threading
 
-from bench.robots.feeder import Body, encoded_scans, send
+from bench.rig.feed import Body, encoded_scans, send
 from wire.bus_config import BusConfig
 from wire.zenoh.connect import open_session
 from wire.zenoh.session import ZenohSession

@@ -2,11 +2,10 @@
 
 from pathlib import Path
 
-import pytest
-
 from bench.rig.sheet import Times
 from bench.soak import Sample, Usage
-from docs.generate import crash_safety, draw_crash_safety, readme
+from docs.generate import crash_safety, draw_crash_safety
+from docs.generate.sections import ROOT
 from faults.classes import CLASSES
 from faults.promises import KILL_LIMIT_S, KILL_MEDIAN_S, PROMISES
 from faults.report.figures import Campaign, campaigns
@@ -41,12 +40,6 @@ def campaign() -> Campaign:
     return found[0]
 
 
-def test_the_measured_parts_are_up_to_date() -> None:
-    """`make docs` regenerates them."""
-    text = crash_safety.DOCUMENT.read_text()
-    assert crash_safety.regenerated(text) == text
-
-
 def test_the_answer_has_the_figures_and_hides_no_broken_promise() -> None:
     text = crash_safety.answer(campaign())
     for words in (
@@ -73,11 +66,6 @@ def test_the_table_has_a_row_and_what_was_broken_in_one_line() -> None:
 def test_without_a_result_each_part_says_how_to_make_one() -> None:
     assert "no result" in crash_safety.answer(None)
     assert "`lifeline faults --virtual" in crash_safety.table("virtual", None)
-
-
-def test_a_part_without_a_place_in_the_document_is_refused() -> None:
-    with pytest.raises(ValueError, match="no place for the part"):
-        crash_safety.regenerated("# What happens?\n")
 
 
 def test_the_committed_results_are_where_the_document_says() -> None:
@@ -121,7 +109,7 @@ def test_each_promise_about_a_killed_process_has_one_number_with_its_statistic_i
     promise = "10 ms (median) and 25 ms (upper 95 % limit of the 95 % quantile)"
     assert promise in PROMISES[2]
     assert promise in PROMISES[4]
-    page = crash_safety.DOCUMENT.read_text()
+    page = (ROOT / "docs/crash-safety.md").read_text()
     assert f"**Promised**: {PROMISES[2]}." in page
     assert "within milliseconds" not in page
     stored = crash_safety.result("real")
@@ -132,7 +120,7 @@ def test_each_promise_about_a_killed_process_has_one_number_with_its_statistic_i
     assert killed.stop.limit is not None
     assert killed.stop.median <= KILL_MEDIAN_S
     assert killed.stop.limit <= KILL_LIMIT_S
-    for document in (page, readme.DOCUMENT.read_text()):
+    for document in (page, (ROOT / "README.md").read_text()):
         assert f"{1000 * killed.stop.median:.1f}" in document
         assert f"{1000 * killed.stop.limit:.1f} ms" in document
         assert f"n = {killed.stop.number}" in document

@@ -260,7 +260,12 @@ QUIC = Measured(
     links_lost=0,
 )
 TCP = replace(QUIC, link=Link.TCP, stops=90, worst_age_s=0.9)
-RUN = {"command": "python -m bench.link", "date": "today", "machine": "a machine", "commit": "abc"}
+RUN = {
+    "command": "python -m bench.link",
+    "date": "today",
+    "machine": "2 cores, load average 1.0",
+    "commit": "abc",
+}
 
 
 def test_the_grid_contains_each_combination_once() -> None:
@@ -315,7 +320,10 @@ def test_a_condition_that_was_not_measured_leaves_its_place_empty() -> None:
 def test_the_targets_are_those_of_quic_at_a_round_trip_of_20_ms() -> None:
     at_5 = replace(QUIC, loss=0.05, stops=11)
     found = verdicts(Results(RUN, (ROUND,), (QUIC, TCP, at_5, replace(at_5, round_trip_s=0.1, stops=99))))
-    assert [one.sentence().split(":")[0] for one in found] == ["on target", "OVER TARGET by 10 %"]
+    assert [one.sentence(is_judged=True).split(":")[0] for one in found] == [
+        "on target",
+        "OVER TARGET by 10 %",
+    ]
 
 
 def test_conditions_sort_by_link_loss_and_round_trip() -> None:

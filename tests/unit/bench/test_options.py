@@ -77,11 +77,13 @@ def test_the_command_that_repeats_a_run_has_its_defaults_and_no_file(
     line.option("robots", count, [1, 5], "numbers of robots", many=True)
     line.option("drive-seconds", positive, 20.0, "duration of each drive")
     line.option("soak", positive, None, "instead of the curve")
+    line.flag("router", "through a router")
+    line.flag("echo", "print all")
     line.file("json", "write the results")
     monkeypatch.setattr(
-        "sys.argv", ["bench.robots", "--robots", "2", "3", "--json", str(tmp_path / "run.jsonl")]
+        "sys.argv", ["bench.robots", "--robots", "2", "3", "--router", "--json", str(tmp_path / "run.jsonl")]
     )
-    assert line.repeat(line.parse()) == "python -m bench.robots --robots 2 3 --drive-seconds 20"
+    assert line.repeat(line.parse()) == "python -m bench.robots --robots 2 3 --drive-seconds 20 --router"
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The statistics of `bench.robots`: gaps, stops and their reasons, verdicts and the stored file."""
+"""The statistics of `bench.robots`: gaps, stops and their reasons, promises and the stored file."""
 
 import math
 from dataclasses import replace
@@ -13,20 +13,24 @@ from bench.robots.results import (
     Heard,
     Robots,
     gaps_ms,
+    promises,
     read,
     reasons,
     sheet,
-    sheets,
     stood,
     stop_ms,
     transits_ms,
-    verdicts,
     write,
 )
 
 WINDOW = (1.0, 2.0)
 MOVES, STANDS = True, False
-RUN = {"command": "python -m bench.robots", "date": "today", "machine": "2 cores", "commit": "abc"}
+RUN = {
+    "command": "python -m bench.robots",
+    "date": "today",
+    "machine": "2 cores, load average 1.0",
+    "commit": "abc",
+}
 
 
 def crowd(robots: int, gap_p99_ms: float = 21.0, stop_ms: tuple[float, ...] = (2.0, 4.0)) -> Crowd:
@@ -75,11 +79,11 @@ def test_a_robot_without_commands_has_stopped() -> None:
 
 def test_the_reasons_are_those_of_stopped_statuses_within_the_window() -> None:
     statuses = [
-        (0.9, True, ["NO_COMMAND"]),
-        (1.0, True, ["OVERRUN", "SCAN_STALE"]),
-        (1.1, False, ["OBSTACLE"]),
-        (1.2, True, ["OVERRUN"]),
-        (2.0, True, ["ESTOP"]),
+        (0.9, "STOPPED", ["NO_COMMAND"]),
+        (1.0, "STOPPED", ["OVERRUN", "SCAN_STALE"]),
+        (1.1, "LIMITED", ["OBSTACLE"]),
+        (1.2, "STOPPED", ["OVERRUN"]),
+        (2.0, "STOPPED", ["ESTOP"]),
     ]
     assert reasons(WINDOW, statuses) == {"OVERRUN", "SCAN_STALE"}
 
@@ -110,25 +114,38 @@ def test_the_percentile_of_no_values_is_nan() -> None:
     assert percentile([1.0, 3.0], 50) == 2.0
 
 
-def test_the_verdicts_are_interpolated_at_the_target() -> None:
-    robots = Robots(
-        RUN, (crowd(30, gap_p99_ms=40.0, stop_ms=(20.0,)), crowd(20, gap_p99_ms=20.0, stop_ms=(10.0,)))
+def test_promises_are_kept_only_without_missing_stops_and_stops_without_cause() -> None:
+    def broken(**changes: object) -> int:
+        found = promises(replace(crowd(10), **changes))  # pyright: ignore[reportArgumentType]
+        return sum(verdict.sentence(is_judged=True).startswith("OVER TARGET") for verdict in found)
+
+    assert broken() == 0
+    assert broken(missed=1) == broken(stood=1) == broken(stood_in_kills=1) == 1
+
+
+def test_the_table_has_a_row_for_each_number_of_robots_and_the_run() -> None:
+    table = sheet(
+        Robots(RUN, (crowd(1), replace(crowd(30), stood=2, reasons={"OVERRUN": 2, "SCAN_STALE": 1})))
     )
-    assert [verdict.measured for verdict in verdicts(robots)] == [30.0, 15.0, 0.0]
-
-
-def test_there_is_no_verdict_outside_the_measured_numbers() -> None:
-    assert verdicts(Robots(RUN, (crowd(20),))) == []
-    assert verdicts(Robots(RUN, ())) == []
-
-
-def test_the_table_has_a_row_for_each_number_of_robots() -> None:
-    table = sheet([crowd(1), replace(crowd(30), stood=2, reasons={"OVERRUN": 2, "SCAN_STALE": 1})])
     assert [row[0] for row in table.rows] == ["1", "30"]
     assert all(len(row) == len(table.columns) for row in table.rows)
     assert [row[10] for row in table.rows] == ["0", "2 (OVERRUN 2, SCAN_STALE 1)"]
-    [told] = sheets(Robots(RUN, (crowd(1),)))
-    assert told.notes[-1] == "Run of today by `python -m bench.robots`: 2 cores; commit abc."
+    assert (
+        table.notes[-1] == "Run of today by `python -m bench.robots`: 2 cores, load average 1.0; commit abc."
+    )
+
+
+def test_robots_behind_a_router_have_its_processor_time_and_traffic() -> None:
+    table = sheet(Robots(RUN, (replace(crowd(5), router_percent=3.0, crossing_bytes_s=6300.0),)))
+    assert dict(zip(table.columns[-2:], table.rows[0][-2:], strict=True)) == {
+        "CPU of the router": "3.0",
+        "KB/s of each": "6.3",
+    }
+
+
+def test_where_no_killed_operator_had_driven_the_times_are_dashes() -> None:
+    table = sheet(Robots(RUN, (replace(crowd(20), stop_ms=()),)))
+    assert table.rows[0][table.columns.index("stop p50")] == "–"
 
 
 def test_a_stored_run_is_read_as_it_was_written(tmp_path: Path) -> None:

@@ -1,17 +1,33 @@
-"""The statistics of `bench.start`, and its part of the report."""
+"""The statistics of `bench.start` and `bench.process`."""
 
 import pytest
 
-from bench.start import Start, starts_sheet, summary, verdicts
+from bench import process, start
+from bench.process import PHASES, Load
+from bench.rig.sheet import Times
+from bench.start import Start
 
 
-def test_imports_are_compared_with_the_libraries_of_the_same_round() -> None:
-    imports = summary("sim", [200.0, 300.0, 900.0], [100.0, 100.0, 300.0])
-    assert (imports.median_ms, imports.runs) == (300.0, 3)
-    assert imports.to_libraries == pytest.approx(3.0)
+def test_the_restart_is_compared_with_the_import_of_the_same_round() -> None:
+    starts = (Start(0.5, 1.0, 0.9), Start(0.2, 2.0, 0.8), Start(0.1, 3.0, 0.9))
+    [verdict] = start.verdicts(starts)
+    assert verdict.measured == pytest.approx(0.6)
+    assert len(start.starts_sheet(starts).rows) == 3
 
 
-def test_the_verdicts_are_for_the_medians() -> None:
-    starts = (Start(1.0, 0.0, 0.5), Start(2.1, 0.1, 0.8), Start(3.0, 1.0, 0.9))
-    assert [verdict.measured for verdict in verdicts(starts)] == [2.1, 0.8]
-    assert len(starts_sheet(starts).rows) == 3
+def test_processor_time_is_compared_with_the_relay_of_the_same_round() -> None:
+    def load(phase: str, number: int, cpu_percent: float) -> Load:
+        gaps = Times(400, 20.0, 21.0, 25.0)
+        return Load(phase, number, 8.0, "DRIVING", cpu_percent, 1.0, 50.0, 70.0, 50.0, gaps)
+
+    names = [phase.name for phase in PHASES]
+    loads = [
+        load(name, number, busy * cpu)
+        for number, busy in enumerate((1.0, 2.0, 3.0))
+        for name, cpu in zip(names, (2.0, 3.0, 5.0), strict=True)
+    ]
+    assert [verdict.measured for verdict in process.verdicts(loads)] == [1.5, 2.5]
+    assert [row[4] for row in process.load_sheet(loads).rows][1:] == [
+        "1.50 (1.50 to 1.50)",
+        "2.50 (2.50 to 2.50)",
+    ]
