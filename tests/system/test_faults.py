@@ -206,8 +206,7 @@ async def test_driven_straight_at_the_rack_it_stops_short_and_backs_out(tmp_path
 
 
 async def back_out(subject: Robot) -> None:
-    subject.type("s" + "xxx")
-    await subject.until(lambda: subject.speed_m_s < -0.25, "backing out")
+    await subject.press("sxxx", lambda: subject.speed_m_s < -0.25, "backing out")
     await subject.until(lambda: subject.status.nearest_m > 0.5, "half a metre of room")
 
 
