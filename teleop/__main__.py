@@ -127,6 +127,7 @@ class _Waiting:
         self._warnings: list[str] = []
         self._say = self._note
         self._has_help = False
+        self._redraw = True
 
     def pass_warnings_to(self, say: Callable[[str], None]) -> None:
         """Pass the warnings about this connection on, those so far and all later ones."""
@@ -155,12 +156,16 @@ class _Waiting:
         for task in (opening, stopping):
             task.add_done_callback(lambda _: self._wake.set())
         clock = asyncio.get_running_loop().time
+        draw_s = clock()
         try:
             # Keys typed before the connection move nothing, but one that ends the program counts until the last moment.
             while not (ends := self._is_told_to_end()) and not opening.done():
-                if self._options.setup.pictures:
-                    self._show()
-                await wait_until(self._wake, clock() + REDRAW_PERIOD_S)
+                # Not after each input: the terminal answers each picture, which would ask for the next one.
+                if self._redraw or clock() >= draw_s:
+                    self._redraw, draw_s = False, clock() + REDRAW_PERIOD_S
+                    if self._options.setup.pictures:
+                        self._show()
+                await wait_until(self._wake, draw_s)
                 self._wake.clear()
             if ends and opening.done():
                 await opening.result().close()
@@ -177,13 +182,16 @@ class _Waiting:
             self._note("emergency stop NOT sent: there is no connection to the supervisor")
         if Command.HELP in commands:
             self._has_help = not self._has_help
+            self._redraw = True
         if Command.SUSPEND in commands:
             self._terminal.suspend()
+            self._redraw = True
         return Command.QUIT in commands or self._terminal.ended or self._stop.is_set()
 
     def _note(self, text: str) -> None:
         self._events.append(Event(time.strftime("%H:%M:%S"), text, Tone.CAUTION))
         self._terminal.note(text)
+        self._redraw = True
         self._wake.set()
 
     def _show(self) -> None:

@@ -295,6 +295,11 @@ class Operator:
         number = ord(code) if isinstance(code, str) else code
         self.type(f"\x1b[{number};{modifiers}:{event}u".encode())
 
+    def hold(self, code: str) -> None:
+        """Press a key anew by the kitty protocol, without releasing it."""
+        self.key(code, 3)
+        self.key(code, 1)
+
     def paste(self, text: bytes) -> None:
         """Paste a text, marked if the program asked for it."""
         self.type(b"\x1b[200~" + text + b"\x1b[201~" if "2004" in self.modes_on else text)
@@ -359,16 +364,25 @@ async def hold_down(op: Operator, key: bytes, condition: Callable[[], bool]) -> 
             await asyncio.sleep(INTERVAL_S)
 
 
-async def begin(h: Hub, op: Operator) -> None:
-    """Request 0.1 m/s. On a busy machine, a key may have been typed on an old picture: then press it again, as a person does."""
+async def press(keys: Callable[[], object], effect: Callable[[], object]) -> None:
+    """Press keys until they have an effect, as a person does: on a busy machine, they may have been typed on an old picture.
+
+    Args:
+        keys: presses them; it begins with a stop or a release if a second press would add to the first.
+        effect: checks it.
+    """
     for _ in range(round(LIMIT_S / AGAIN_S)):
-        op.type(b"w")
+        keys()
         with suppress(TimeoutError):
             async with asyncio.timeout(AGAIN_S):
-                await until(lambda: h.asks(0.1, 0.0))
+                await until(effect)
                 return
-        assert h.is_neutral()
-    pytest.fail("no key moves the robot")
+    pytest.fail("the keys have no effect")
+
+
+async def press_steps(h: Hub, op: Operator, keys: bytes, linear_m_s: float) -> None:
+    """Request a velocity by steps, from zero."""
+    await press(lambda: op.type(b"s" + keys), lambda: h.asks(linear_m_s, 0.0))
 
 
 @asynccontextmanager
@@ -379,5 +393,5 @@ async def driving(
     endpoint = free_endpoint()
     async with hub(endpoint) as h, operator(endpoint, *arguments, command=command) as op:
         await ready(h, op)
-        await begin(h, op)
+        await press_steps(h, op, b"w", 0.1)
         yield h, op

@@ -74,7 +74,7 @@ async def test_a_killed_supervisor_comes_back_with_the_estop_latched_until_the_o
         await subject.drive()
 
 
-@pytest.mark.parametrize("victim", [topics.TELEOP, topics.SIM])
+@pytest.mark.parametrize("victim", [topics.TELEOP, pytest.param(topics.SIM, marks=pytest.mark.long)])
 async def test_the_estop_stays_latched_when_another_process_is_killed(tmp_path: Path, victim: str) -> None:
     async with robot(tmp_path) as subject:
         await subject.drive()
@@ -127,7 +127,14 @@ def disk(tmp_path: Path) -> Generator[Path]:
     subprocess.run(["umount", "-l", str(path)], check=True)
 
 
-@pytest.mark.parametrize("spoil", [without_space, without_inodes, read_only])
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        without_space,
+        pytest.param(without_inodes, marks=pytest.mark.long),
+        pytest.param(read_only, marks=pytest.mark.long),
+    ],
+)
 async def test_a_robot_on_a_disk_that_holds_no_record_moves_neither_before_an_estop_nor_after_a_restart(
     spoil: Callable[[Path], None], tmp_path: Path, disk: Path
 ) -> None:
@@ -169,6 +176,7 @@ def as_another_user(*command: str | Path) -> int:
     return subprocess.run(command, user=NOBODY, group=NOBODY, extra_groups=[], check=False).returncode
 
 
+@pytest.mark.long
 async def test_a_robot_whose_state_directory_others_can_change_does_not_move_until_it_is_repaired(
     tmp_path: Path, shared: Path
 ) -> None:
@@ -196,6 +204,7 @@ async def test_a_robot_whose_state_directory_others_can_change_does_not_move_unt
         await subject.drive()
 
 
+@pytest.mark.long
 async def test_a_supervisor_that_cannot_read_the_record_starts_latched_and_says_what_is_wrong(
     tmp_path: Path,
 ) -> None:

@@ -258,6 +258,7 @@ async def test_one_lost_station_of_two_stops_the_robot(tmp_path: Path) -> None:
         assert "station hall is not heard" in await refused(subject)
 
 
+@pytest.mark.long
 async def test_a_station_that_leaves_says_that_it_stops_the_robot(tmp_path: Path) -> None:
     async with site(tmp_path) as subject, station(subject.endpoint) as door:
         await heard(subject)
@@ -306,6 +307,7 @@ async def test_a_supervisor_that_is_killed_during_the_latch_starts_latched(tmp_p
 # --- the terminal
 
 
+@pytest.mark.long
 async def test_before_the_supervisor_runs_the_station_is_not_heard_and_keeps_a_press(tmp_path: Path) -> None:
     config, endpoint = config_with(tmp_path, door=True), free_endpoint()
     async with station(endpoint) as door:

@@ -206,8 +206,7 @@ async def test_driven_straight_at_the_rack_it_stops_short_and_backs_out(tmp_path
 
 
 async def back_out(subject: Robot) -> None:
-    subject.type("s" + "xxx")
-    await subject.until(lambda: subject.speed_m_s < -0.25, "backing out")
+    await subject.press("sxxx", lambda: subject.speed_m_s < -0.25, "backing out")
     await subject.until(lambda: subject.status.nearest_m > 0.5, "half a metre of room")
 
 
@@ -246,7 +245,14 @@ async def test_a_rogue_put_on_cmd_vel_never_reaches_the_base(tmp_path: Path) -> 
             rogue.close()
 
 
-@pytest.mark.parametrize("order", ["teleop sim supervisor", "sim supervisor teleop", "teleop supervisor sim"])
+@pytest.mark.parametrize(
+    "order",
+    [
+        "teleop sim supervisor",
+        pytest.param("sim supervisor teleop", marks=pytest.mark.long),
+        pytest.param("teleop supervisor sim", marks=pytest.mark.long),
+    ],
+)
 async def test_any_start_order_comes_to_drivable(tmp_path: Path, order: str) -> None:
     subject = Robot(free_endpoint(), tmp_path)
     try:

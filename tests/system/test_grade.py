@@ -58,6 +58,7 @@ def grade(
     return output, {one.fault.value: one.points / one.of for one in marks if one.of}
 
 
+@pytest.mark.long
 def test_a_bare_teleop_leaves_the_robot_driving_and_two_of_them_fight(tmp_path: Path) -> None:
     page, xml = tmp_path / "grade.html", tmp_path / "grade.xml"
     files = ["--html", str(page), "--junit", str(xml)]

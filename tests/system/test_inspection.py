@@ -237,7 +237,11 @@ def constant_ns(_: int) -> int:
 
 @pytest.mark.parametrize(
     ("stamp_ns", "problem"),
-    [(slow_ns, "run at 0.90 of real time"), (whole_ns, "are whole seconds"), (constant_ns, "do not change")],
+    [
+        (slow_ns, "run at 0.90 of real time"),
+        pytest.param(whole_ns, "are whole seconds", marks=pytest.mark.long),
+        pytest.param(constant_ns, "do not change", marks=pytest.mark.long),
+    ],
 )
 async def test_scans_of_a_bridge_whose_stamps_do_not_run_like_real_time_are_named_as_the_cause(
     tmp_path: Path, stamp_ns: Callable[[int], int], problem: str
@@ -443,6 +447,7 @@ def test_a_program_that_does_not_reach_the_socket_is_shown_in_one_sentence_what_
     assert not any(one["check"] in {"base", "command source"} for one in json.loads(output))
 
 
+@pytest.mark.long
 async def test_doctor_distinguishes_a_supervisor_that_hangs_from_another_program(tmp_path: Path) -> None:
     async with standing(tmp_path) as subject:
         pid = subject.pid("supervisor")

@@ -23,6 +23,8 @@ from tests.system.operators import (
     hold_down,
     hub,
     operator,
+    press,
+    press_steps,
     ready,
     until,
 )
@@ -55,14 +57,13 @@ class Loss:
 
     async def drive(self, h: Hub, op: Operator) -> None:
         match self.control:
-            case "steps":
-                op.type(b"www")
-                # On a terminal that never answers, the first keys may be void, and the limit keeps the speed.
-                await until(lambda: h.asks(self.speed_m_s, 0.0) or (not self.answers and op.type(b"w")))
+            case "steps" if self.answers:
+                await press_steps(h, op, b"www", self.speed_m_s)
+            case "steps":  # the first keys may be void, and the limit keeps the speed
+                await until(lambda: h.asks(self.speed_m_s, 0.0) or op.type(b"w"))
             case "hold, releases":
                 await until(lambda: "releases reported" in op.picture)
-                op.key("i", 1)
-                await until(lambda: h.asks(self.speed_m_s, 0.0))
+                await press(lambda: op.hold("i"), lambda: h.asks(self.speed_m_s, 0.0))
             case _:
                 await hold_down(op, b"i", lambda: h.asks(self.speed_m_s, 0.0))
 

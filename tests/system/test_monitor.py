@@ -77,6 +77,7 @@ async def until_scraped(subject: Robot, address: str, holds: Callable[[Samples],
     return samples
 
 
+@pytest.mark.long
 async def test_watch_prints_a_row_of_a_robot_whatever_another_does(tmp_path: Path) -> None:
     nobody = free_endpoint()
     async with robot(tmp_path, teleop=False) as subject:

@@ -92,6 +92,15 @@ async def test_a_square_is_driven_recorded_and_driven_again(tmp_path: Path) -> N
     assert f"{counts[ODOM]:,}" in output
 
 
+async def pausing(subject: Robot, terminal: "pexpect.spawn[bytes]", key: str, said: bytes) -> None:
+    """Press a key until the path pauses: one that falls together with a beat, or on an old picture, is not heard."""
+    for _ in range(KEY_PRESSES):
+        subject.type(key)
+        if await asyncio.to_thread(terminal.expect, [said, pexpect.TIMEOUT], timeout=0.5) == 0:
+            return
+    pytest.fail(f"none of {KEY_PRESSES} keys paused the path")
+
+
 @pytest.mark.timed  # a path whose program gets no processor for 0.2 s pauses, as it should
 async def test_the_operator_takes_over_and_enter_goes_on(tmp_path: Path) -> None:
     async with robot(tmp_path) as subject:
@@ -100,22 +109,14 @@ async def test_the_operator_takes_over_and_enter_goes_on(tmp_path: Path) -> None
         terminal: pexpect.spawn[bytes] = pexpect.spawn(command[0], command[1:], dimensions=(24, 100))
         try:
             await moving(subject)
-            subject.type("x")
-            await asyncio.to_thread(terminal.expect, "paused: .*Enter continues", timeout=PATIENCE_S)
+            await pausing(subject, terminal, "x", b"paused: .*Enter continues")
             subject.type("s")
             await at_rest(subject)
             await subject.ready()
             await subject.never(lambda: abs(subject.speed_m_s) > 0.01, "it went on by itself", 0.7)
             terminal.send("\r")
             await moving(subject)
-            # A key that falls together with a beat is not heard: a person presses it again.
-            for _ in range(KEY_PRESSES):
-                subject.type("s")
-                paused = rb"paused: a key was pressed at teleop"
-                if await asyncio.to_thread(terminal.expect, [paused, pexpect.TIMEOUT], timeout=0.5) == 0:
-                    break
-            else:
-                pytest.fail(f"none of {KEY_PRESSES} keys paused the path")
+            await pausing(subject, terminal, "s", b"paused: a key was pressed at teleop")
             terminal.sendintr()
             await asyncio.to_thread(terminal.expect, pexpect.EOF, timeout=PATIENCE_S)
             assert b"interrupted: " in (terminal.before or b"")

@@ -122,6 +122,7 @@ def render(tmp_path: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 @needs_gl
+@pytest.mark.long
 def test_where_no_robot_runs_a_new_one_is_drawn_and_the_command_says_so(tmp_path: Path) -> None:
     done = render(tmp_path, "--seconds", "0.1")
     assert done.returncode == 0, done.stderr

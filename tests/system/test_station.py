@@ -66,6 +66,7 @@ async def test_a_robot_that_drives_stops_when_the_connection_of_the_page_closes(
         assert "station phone is not heard" in await refused(subject)
 
 
+@pytest.mark.long
 async def test_a_page_that_is_silent_on_an_open_connection_loses_its_lease_and_then_its_connection(
     tmp_path: Path,
 ) -> None:
@@ -138,6 +139,7 @@ async def test_garbage_ends_its_own_connection_only(tmp_path: Path) -> None:
             assert "Traceback" not in server.output
 
 
+@pytest.mark.long
 async def test_idle_connections_keep_new_pages_away_and_not_the_one_that_is_open(tmp_path: Path) -> None:
     async with served(tmp_path) as (subject, server), server.heard_page(subject) as page:
         with ExitStack() as idle:
@@ -151,6 +153,7 @@ async def test_idle_connections_keep_new_pages_away_and_not_the_one_that_is_open
             await subject.until(lambda: ESTOP in subject.status.causes, "its press")
 
 
+@pytest.mark.long
 async def test_pages_of_other_servers_and_names_are_refused(tmp_path: Path) -> None:
     async with served(tmp_path) as (_, server):
         for origin in (None, "null", "http://evil.example", f"https://127.0.0.1:{server.port}"):
@@ -194,6 +197,7 @@ async def test_a_code_counts_once_and_wrong_codes_withdraw_it(tmp_path: Path) ->
             pass
 
 
+@pytest.mark.long
 async def test_a_session_connects_again_in_the_place_of_its_old_connection(tmp_path: Path) -> None:
     async with served(tmp_path) as (subject, server), server.page() as page:
         await until(lambda: page.token)
@@ -207,6 +211,7 @@ async def test_a_session_connects_again_in_the_place_of_its_old_connection(tmp_p
             assert await stranger.closed() == NOT_PAIRED
 
 
+@pytest.mark.long
 async def test_a_page_too_many_is_refused(tmp_path: Path) -> None:
     async with served(tmp_path) as (_, server):
         pages: list[tuple[object, Page]] = []
@@ -234,6 +239,7 @@ def refusal_of(*arguments: str) -> str:
     return sentence
 
 
+@pytest.mark.long
 def test_what_cannot_be_served_is_refused_in_one_sentence(tmp_path: Path) -> None:
     assert refusal_of("--name", "front door").startswith("lifeline: 'front door' is not a name")
     with socket.create_server(("127.0.0.1", 0)) as busy:

@@ -29,6 +29,8 @@ from tests.system.operators import (
     free_endpoint,
     hub,
     operator,
+    press,
+    press_steps,
     ready,
     until,
 )
@@ -63,7 +65,7 @@ async def test_an_error_of_its_own_ends_it_with_code_1(failure: str) -> None:
     command = ("-c", BROKEN.format(failure=failure))
     async with hub(endpoint) as h, operator(endpoint, command=command) as op:
         await ready(h, op)
-        op.type(b"w")
+        await press(lambda: op.type(b"w"), lambda: op.process.poll() is not None)
         code, errors = await op.ended()
         assert code == 1
         assert "RuntimeError: broken on purpose" in errors
@@ -189,8 +191,7 @@ async def test_ctrl_backslash_ends_also_a_teleop_whose_loop_hangs(tmp_path: Path
     command = ("-c", BROKEN.format(failure=f"import time; open({str(hangs)!r}, 'w'); time.sleep(60)"))
     async with hub(endpoint) as h, operator(endpoint, command=command) as op:
         await ready(h, op)
-        op.type(b"w")
-        await until(hangs.exists)
+        await press(lambda: op.type(b"w"), hangs.exists)
         op.type(b"\x1c")
         await op.ended()
         await until(lambda: op.is_restored and not h.sees_teleop())
@@ -231,8 +232,7 @@ async def ready_job() -> AsyncGenerator[tuple[Hub, Job]]:
 async def test_suspended_it_leaves_the_shell_a_terminal_and_comes_back_neutral(how: str) -> None:
     async with ready_job() as (h, job):
         op = job.terminal
-        op.type(b"ww")
-        await until(lambda: h.asks(0.2, 0.0))
+        await press_steps(h, op, b"ww", 0.2)
         if how == "Ctrl-Z":
             op.type(b"\x1a")
         else:
@@ -245,10 +245,7 @@ async def test_suspended_it_leaves_the_shell_a_terminal_and_comes_back_neutral(h
         op.type(b"fg\n")
         await until(lambda: "back again: the setpoint is zero" in op.picture)
         await ready(h, op)
-        answered = op.answered
-        await until(lambda: op.answered > answered)
-        op.type(b"w")
-        await until(lambda: h.asks(0.1, 0.0))
+        await press_steps(h, op, b"w", 0.1)
         op.type(b"q")
         await until(h.is_left)
         await until(lambda: job.pid == 0)  # before its end it discards typed keys
@@ -403,6 +400,5 @@ async def test_another_source_takes_another_name() -> None:
         operator(endpoint, "--source", "joy") as two,
     ):
         await ready(h, two)
-        two.type(b"w")
-        await until(lambda: h.asks(0.1, 0.0))
+        await press_steps(h, two, b"w", 0.1)
         assert (one.process.poll(), two.process.poll()) == (None, None)

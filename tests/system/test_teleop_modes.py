@@ -11,6 +11,7 @@ from tests.system.operators import (
     hold_down,
     hub,
     operator,
+    press,
     ready,
     until,
 )
@@ -36,8 +37,7 @@ async def test_holding_where_the_terminal_reports_releases() -> None:
         assert op.kitty_flags == [15]
         assert "1004" in op.modes_on
 
-        op.key("i", 1)
-        await until(lambda: h.asks(0.5, 0.0))
+        await press(lambda: op.hold("i"), lambda: h.asks(0.5, 0.0))
         op.key("l", 1)
         await until(lambda: h.asks(0.5, -1.0))
         op.key("i", 3)
@@ -78,10 +78,9 @@ async def test_holding_where_the_terminal_reports_no_releases() -> None:
         await until(lambda: "by key repeat" in op.picture)
         assert not op.kitty_flags
         before = len(h.velocities)
-        op.type(b"i")  # a tap
+        await press(lambda: op.type(b"i"), lambda: "a tap is too short to move" in op.picture)
         await until(lambda: len(h.velocities) >= before + HEARTBEATS_OF_A_TAP)
         assert set(h.velocities) == {ZERO}
-        await until(lambda: "a tap is too short to move" in op.picture)
         seen = len(h.velocities)
         await hold_down(op, b"i", lambda: h.asks(0.5, 0.0))
         await until(lambda: h.asks(*ZERO))
@@ -112,8 +111,7 @@ async def test_an_answer_that_comes_late_is_still_an_answer() -> None:
         op.kitty = ALL_FLAGS
         op.type(b"\x1b[?0u")
         await until(lambda: "releases reported" in op.picture)
-        op.key("i", 1)
-        await until(lambda: is_moving(h))
+        await press(lambda: op.hold("i"), lambda: is_moving(h))
         op.key("k", 1)
         await until(lambda: h.asks(*ZERO))
 

@@ -219,6 +219,9 @@ async def test_it_waits_for_the_hub_and_drives_when_it_comes() -> None:
     endpoint = free_endpoint()
     async with operator(endpoint) as op:
         await until(lambda: f"nothing heard from the supervisor at {endpoint}" in op.picture)
+        answered = op.answered
+        # It draws twice per second: the answer to a picture is no reason for the next one.
+        assert await until(lambda: op.answered >= answered + 5) > 1.0
         op.type(b" www")
         await until(lambda: "emergency stop NOT sent" in op.picture)
         async with hub(endpoint) as h:

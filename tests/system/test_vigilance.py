@@ -1,6 +1,5 @@
 """The operator's presence: keys on demand, terminals that answer no status requests, and programs that answer for a person."""
 
-import asyncio
 import signal
 import sys
 from collections.abc import Callable
@@ -18,6 +17,8 @@ from tests.system.operators import (
     free_endpoint,
     hub,
     operator,
+    press,
+    press_steps,
     ready,
     until,
 )
@@ -41,8 +42,7 @@ async def test_without_a_key_the_robot_stops_after_a_demand_with_the_bell_and_en
     endpoint = free_endpoint()
     async with hub(endpoint) as h, operator(endpoint, "--config", config) as op:
         await ready(h, op)
-        op.type(b"w")
-        await until(lambda: h.asks(0.1, 0.0))
+        await press_steps(h, op, b"w", 0.1)
         seen = len(h.velocities)
         for _ in range(3):
             await until(lambda: h.tell(SafetyStatus.DRIVING, owner="teleop") or "PRESS ENTER" in op.picture)
@@ -54,8 +54,7 @@ async def test_without_a_key_the_robot_stops_after_a_demand_with_the_bell_and_en
         assert op.bells == 3
         await until(lambda: h.asks(*ZERO))
         await until(lambda: "no key was pressed on demand" in op.picture)
-        op.type(b"w")
-        await until(lambda: h.asks(0.1, 0.0))
+        await press_steps(h, op, b"w", 0.1)
 
 
 @pytest.mark.parametrize(
@@ -86,8 +85,7 @@ async def test_the_display_of_one_line_asks_the_terminal_too_and_drives_at_full_
     async with hub(endpoint) as h, operator(endpoint, "--plain") as op:
         await ready(h, op)
         await until(lambda: op.answered > 0)
-        op.type(b"wwww")
-        await until(lambda: h.asks(0.4, 0.0))
+        await press_steps(h, op, b"wwww", 0.4)
 
 
 async def test_key_releases_of_a_terminal_that_answers_no_status_requests_do_not_hold_a_motion() -> None:
@@ -101,8 +99,7 @@ async def test_key_releases_of_a_terminal_that_answers_no_status_requests_do_not
         await until(lambda: op.kitty_flags == [15])
         await until(lambda: "by key repeat" in op.picture)
         seen = len(h.velocities)
-        op.key("i", 1)
-        await asyncio.sleep(1.0)
+        await press(lambda: op.key("i", 1), lambda: "a tap is too short to move" in op.picture)
         assert set(h.velocities[seen:]) == {ZERO}
 
 
@@ -156,8 +153,7 @@ async def test_where_a_program_answers_for_the_person_the_robot_stops_when_vigil
     async with hub(endpoint) as h:
         with behind(program, *command) as client:
             await ready(h, client, 2 * LIMIT_S)
-            client.type(b"w")
-            await until(lambda: h.asks(0.1, 0.0))
+            await press_steps(h, client, b"w", 0.1)
             LOSSES[program][loss](client)
             driven_s = await until(lambda: h.asks(*ZERO))
             assert driven_s > VIGILANCE_S, "until then, the program answers for the person"

@@ -253,6 +253,7 @@ def test_the_worst_of_many_timelines_is_found() -> None:
     assert worst.seed == 999
 
 
+@pytest.mark.long
 def test_a_large_campaign_makes_a_small_page(tmp_path: Path) -> None:
     line = trial(fault(), broken=["x" * 1000], with_timeline=True).line() + "\n"
     file = tmp_path / "trials.jsonl"

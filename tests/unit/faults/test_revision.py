@@ -17,6 +17,7 @@ print(json.dumps([m.__file__ for m in sys.modules.values() if getattr(m, "__file
 """
 
 
+@pytest.mark.long
 def test_every_file_that_a_trial_loads_is_behind_the_campaign() -> None:
     printed = subprocess.run(
         [sys.executable, "-c", RUN], cwd=ROOT, check=True, capture_output=True, text=True, timeout=60

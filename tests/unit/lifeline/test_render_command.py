@@ -82,6 +82,7 @@ def test_a_film_has_its_frames_in_its_size_and_moves(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["film.webp"]
 
 
+@pytest.mark.long
 @needs_gl
 def test_a_picture_shows_the_end_and_needs_no_caption(tmp_path: Path) -> None:
     pictures: list[np.ndarray] = []

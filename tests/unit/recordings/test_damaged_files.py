@@ -72,6 +72,8 @@ DAMAGE: dict[str, Change] = {
     "an infinite stop": lambda lines: lines[0]["stops"][0].update(now_s="Infinity"),
 }
 """Changes of a valid black box; each was a traceback of at least one command, or is beside one."""
+QUICK = ("a null hull", "no source", "deep lists", "an infinite stop")
+"""Those that `make test` tries: in each, seven commands read the file."""
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +95,13 @@ def assert_a_result_or_a_sentence(result: Result) -> None:
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("change", DAMAGE.values(), ids=DAMAGE)
+@pytest.mark.parametrize(
+    "change",
+    [
+        pytest.param(change, id=what, marks=() if what in QUICK else pytest.mark.long)
+        for what, change in DAMAGE.items()
+    ],
+)
 def test_a_damaged_black_box_gives_rows_or_one_sentence_and_hides_no_other(
     tmp_path: Path, valid: Path, change: Change
 ) -> None:

@@ -479,10 +479,10 @@ def test_names_in_a_recording_reach_the_terminal_printable(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("name", "stops"),
     [
-        ("neato-lds", {"ODOM_STALE": 1, "SCAN_INVALID": 1}),
-        ("hokuyo726-front", {}),
-        ("hokuyo768-right", {}),
-        ("hokuyo-urg04", {}),
+        pytest.param("neato-lds", {"ODOM_STALE": 1, "SCAN_INVALID": 1}, marks=pytest.mark.long),
+        pytest.param("hokuyo726-front", {}, marks=pytest.mark.long),
+        pytest.param("hokuyo768-right", {}, marks=pytest.mark.long),
+        pytest.param("hokuyo-urg04", {}, marks=pytest.mark.long),
         ("sick-lms1xx", {}),
     ],
 )
