@@ -312,7 +312,7 @@ def _fit(before: View, view: View, points: Complex, shift: Shift) -> _Fit:
     one_m, other_m = ranges_at(before, np.add.outer((0, 1), low))
     there_m = np.abs(there)
     error_m = np.maximum(np.minimum(one_m, other_m) - there_m, there_m - np.maximum(one_m, other_m))
-    tolerance_m = TOLERANCE_M + TOLERANCE_SHARE * there_m
+    tolerance_m = tolerances_m(there_m)
     agrees = view.hit & (error_m <= tolerance_m)
     known = np.count_nonzero(view.hit & ~np.isnan(error_m))
     share = np.count_nonzero(agrees) / max(known, 1)
@@ -324,6 +324,11 @@ def beams_at(geometry: Geometry, points: Complex) -> Floats:
     turn = math.copysign(2 * math.pi, geometry.increment)
     beams: Floats = ((np.angle(points) - geometry.angle_min) % turn) / geometry.increment
     return beams
+
+
+def tolerances_m(ranges_m: Floats) -> Floats:
+    """Return by how much a return at each range (n,) may differ from an old one and still agree with it [m]."""
+    return TOLERANCE_M + TOLERANCE_SHARE * ranges_m
 
 
 def ranges_at(view: View, beams: npt.NDArray[np.int64]) -> Floats:

@@ -24,13 +24,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from supervisor.law.agreement import TOLERANCE_M, TOLERANCE_SHARE, beams_at, directions, ranges_at, shift_of
+from supervisor.law.agreement import beams_at, directions, ranges_at, shift_of, tolerances_m
 from supervisor.law.clearance import Floats
 from supervisor.law.reckoning import between
 from supervisor.law.scan import Complex, Mount, View
 
-STRAIGHT_RAD = 0.1
-"""A stop during which the robot turned by more is not judged."""
+STRAIGHT_RAD = 0.03
+"""A stop during which the robot turned by more is not judged: on slanted walls, an error of the heading looks like slip."""
 
 REST_S = 0.3
 """A person who walks at 0.1 m/s or more moves by more than `SAME_M` meanwhile."""
@@ -46,8 +46,8 @@ LEAST_SHARE = 0.5
 SLOPE_RAD = 0.035
 """Angle to both sides of a return over which the slope ρ' is measured."""
 
-LEAST_SURFACE_M = 1.5
-"""Least length of the surfaces that must agree: three people side by side."""
+LEAST_SURFACE_M = 2.0
+"""Least length of the surfaces that must agree: more than three people side by side."""
 
 AGREEING_SHARE = 0.7
 """Least share of the surfaces that must agree."""
@@ -147,8 +147,7 @@ def beyond(before: View, view: View, mount: Mount) -> tuple[float, float]:
             return math.nan, math.nan
         median_m = _median(off_m, surface_m)
         slip_m, off_m = slip_m + median_m, np.abs(off_m - median_m)
-    tolerance_m = TOLERANCE_M + TOLERANCE_SHARE * surface_m / abs(before.geometry.increment)
-    agreeing_m = surface_m[off_m <= tolerance_m].sum()
+    agreeing_m = surface_m[off_m <= tolerances_m(surface_m / abs(before.geometry.increment))].sum()
     if agreeing_m < max(LEAST_SURFACE_M, AGREEING_SHARE * surface_m.sum()):
         return math.nan, math.nan
     return slip_m, ERROR_SHARE * float(np.median(off_m)) / math.sqrt(len(off_m))
@@ -157,7 +156,7 @@ def beyond(before: View, view: View, mount: Mount) -> tuple[float, float]:
 def _apart(before: View, points: Complex, travel: complex) -> tuple[Floats, Floats]:
     """Return how far along the travel the points are before the surfaces of a view, and the length of surface that each shows [m].
 
-    Points that show nothing are left out.
+    Points that show nothing are left out, and those at an edge of a surface.
 
     Args:
         before: the view.
@@ -173,7 +172,8 @@ def _apart(before: View, points: Complex, travel: complex) -> tuple[Floats, Floa
     slope_m = (last_m - first_m) / ((2 * beside + 1) * increment)
     off_rad, away_m = np.angle(points / travel), np.abs(points)
     share = np.cos(off_rad) + slope_m / old_m * np.sin(off_rad)
-    shows = np.abs(share) >= LEAST_SHARE
+    is_edge = np.abs(first_m + last_m - 2.0 * old_m) > 2.0 * tolerances_m(old_m)
+    shows = (np.abs(share) >= LEAST_SHARE) & ~is_edge
     return ((old_m - away_m) / share)[shows], away_m[shows] * abs(increment)
 
 
