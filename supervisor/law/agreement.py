@@ -8,8 +8,9 @@ mount give the lidar's own motion: they place each new return among the old ones
 returns there. If it mostly does not, the lidar may be mounted other than configured, or odometry may have a wrong sign. An
 explanation is accepted only if it places nearly all returns among the old ones, and if neither the configuration nor a robot
 that stood still explains them: people who walk, wheels that slip, and odometry with a wrong scale have no explanation here, so
-they stop nothing. `DOUBTS` judgements in a row must agree on one. Judgements that confirm the configuration rule the other explanations
-out: those that their motion can tell from it. A translation and a rotation rule out all; the mounting is then confirmed.
+they stop nothing. `DOUBTS` judgements in a row must agree on one. A judgement that confirms the configuration rules out only the
+explanations that its view contradicts: those that fit clearly worse. A translation and a rotation with enough in view rule out all; the
+mounting is then confirmed.
 
 Points of a plane are complex numbers [m]. A rotating lidar measures its beams one after the other; at a steady twist, both scans are
 skewed alike.
