@@ -493,6 +493,8 @@ def test_slip_replaces_what_odometry_has_shown_of_this_stop() -> None:
 def test_slip_is_a_result_of_wheels_that_locked() -> None:
     braking = Braking(shown_m_s2=(1.6,), ended=Ended(1.0, 0.0, is_measured=False))
     assert slipped(braking, 0.5).shown_m_s2 == (1.6, 1.0)
+    faster = braking._replace(ended=Ended(2.0, 0.5, is_measured=False))
+    assert slipped(faster, 0.5).shown_m_s2 == (1.6, 2.0)
     assert slipped(braking, 50.0).shown_m_s2 == (1.6, LEAST_M_S2)
 
 

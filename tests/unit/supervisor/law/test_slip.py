@@ -149,6 +149,7 @@ def test_a_return_agrees_within_three_times_the_noise_and_a_share_of_its_range()
 # --- a stop
 
 VIEW = view_of(np.full(360, 2.0))
+EARLY = VIEW._replace(taken_s=-1.0)
 
 
 def watched(
@@ -161,7 +162,9 @@ def watched(
     """Process views of a stop that began at 0 s, the view before it at -0.25 s: pairs of time, slip and error."""
     results: dict[float, tuple[float, float]] = {}
 
-    def result(_before: View, view: View, _mount: Mount) -> tuple[float, float]:
+    def result(before: View, view: View, mount: Mount) -> tuple[float, float]:
+        assert before.taken_s <= -0.25, "the last view before the stop"
+        assert mount is HERE
         return results[view.taken_s]
 
     monkeypatch.setattr(slip, "beyond", result)
@@ -193,15 +196,15 @@ def test_the_last_view_before_a_stop_is_kept_until_the_base_stands() -> None:
 def test_two_views_at_rest_must_show_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     one = watched([(0.5, 0.25, 0.0)], monkeypatch)
     assert (one.seen_s, one.seen_m, one.slip_m) == (0.5, 0.25, None)
-    early = math.nextafter(0.5 + REST_S, 0.0)
-    assert watched([(early, 0.25, 0.0)], monkeypatch, slide=one) is one
-    assert watched([(0.5 + REST_S, 0.25, 0.0)], monkeypatch, slide=one).slip_m == 0.25
+    one = one._replace(seen_s=0.0)
+    assert watched([(math.nextafter(REST_S, 0.0), 0.25, 0.0)], monkeypatch, slide=one) is one
+    assert watched([(REST_S, 0.25, 0.0)], monkeypatch, slide=one).slip_m == 0.25
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_robot_that_still_slides_is_measured_later(sign: float, monkeypatch: pytest.MonkeyPatch) -> None:
     for apart_m, is_same in ((SAME_M, True), (math.nextafter(SAME_M, 1.0), False)):
-        slide = Slide(0.0, VIEW, seen_s=0.5, seen_m=0.0)
+        slide = Slide(0.0, EARLY, seen_s=0.5, seen_m=0.0)
         found = watched([(1.0, sign * apart_m, 0.0)], monkeypatch, slide=slide)
         assert (found.slip_m is not None) is is_same
         assert found.seen_s == (0.5 if is_same else 1.0)
@@ -214,8 +217,8 @@ def test_a_result_is_final(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_what_never_comes_to_rest_is_not_judged(monkeypatch: pytest.MonkeyPatch) -> None:
-    last_s = VIEW.taken_s + MOST_S
-    slide = Slide(0.0, VIEW, seen_s=0.5, seen_m=0.25)
+    last_s = EARLY.taken_s + MOST_S
+    slide = Slide(0.0, EARLY, seen_s=0.5, seen_m=0.25)
     assert watched([(last_s, 0.25, 0.0)], monkeypatch, slide=slide).slip_m == 0.25
     late = watched([(math.nextafter(last_s, 9.0), 0.25, 0.0)], monkeypatch, slide=slide)
     assert late.slip_m is not None
