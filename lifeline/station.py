@@ -21,7 +21,8 @@ from deploy.stack.reach import check_may_stop, run_command
 from station.admission import Address
 from station.pairing import CODE_LIFETIME_S, Pairing
 from station.relay import Relay
-from station.server import MAX_CONNECTIONS, serve
+from station.server import serve
+from station.visitors import MAX_VISITORS
 from station.web import Application
 from wire.bundle import Bundle, BundleError, choose_bundle
 from wire.host.config import NAME
@@ -57,7 +58,7 @@ def run(launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool) 
     hosts, bundle = _open_hosts(launch, name, may_open=may_open) if is_open else (LOOPBACK, None)
     family = socket.AF_INET6 if ":" in hosts[0] else socket.AF_INET
     try:
-        listening = socket.create_server((hosts[0], port), family=family, backlog=MAX_CONNECTIONS)
+        listening = socket.create_server((hosts[0], port), family=family, backlog=MAX_VISITORS)
     except OSError as error:
         text = f"{bracketed(hosts[0])}:{port}"
         raise cannot_listen(text, error.errno, error.strerror or str(error), "--port N") from error
