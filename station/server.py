@@ -50,7 +50,7 @@ class _Server(uvicorn.Server):
         """Leave the signals to the process."""
         yield
 
-    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:  # noqa: ARG002 - it has its own
         self.servers = []
         self._accepting = asyncio.ensure_future(self._accept())
         self.started = True
@@ -59,7 +59,7 @@ class _Server(uvicorn.Server):
         self._visitors.expire(asyncio.get_running_loop().time())
         return await super().on_tick(counter)
 
-    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:  # noqa: ARG002
         self._accepting.cancel()
         for task in self._beginning:
             task.cancel()
@@ -67,7 +67,7 @@ class _Server(uvicorn.Server):
 
     async def _accept(self) -> None:
         loop = asyncio.get_running_loop()
-        self._listening.setblocking(False)
+        self._listening.settimeout(0)
         while True:
             with suppress(OSError):  # it has ended already, or there are no descriptors
                 connection, address = await loop.sock_accept(self._listening)

@@ -162,15 +162,12 @@ class Application:
 
     def _admit(self, code: str, token: str) -> Session:
         now_s = asyncio.get_running_loop().time()
-        had_code = self._pairing.has_code(now_s)
         session = (
             self._pairing.resume(token, now_s)
             if token
             else self._pairing.pair(code, secrets.token_urlsafe(32), now_s)
         )
         if session is None:
-            if had_code and not self._pairing.has_code(now_s):
-                self._say("too many wrong codes: the present code is withdrawn")
             raise NOT_PAIRED
         return session
 

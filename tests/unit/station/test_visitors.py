@@ -20,7 +20,7 @@ def connect() -> Generator[Connect]:
         def make() -> tuple[socket.socket, socket.socket]:
             ends = socket.socketpair()
             for end in ends:
-                opened.enter_context(end).setblocking(False)
+                opened.enter_context(end).settimeout(0)
             return ends
 
         yield make
