@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 CODE_LIFETIME_S = 60.0
 SESSION_LIFETIME_S = 12 * 3600.0
-MAX_CONNECTIONS = 1000
-"""Of one session, the first one included."""
 MAX_SESSIONS = 8
 """A further one ends the oldest."""
 
@@ -23,7 +21,6 @@ class Session:
 
     token: str
     ends_s: float
-    connections_left: int = MAX_CONNECTIONS - 1
 
 
 class Pairing:
@@ -58,8 +55,7 @@ class Pairing:
     def resume(self, token: str, now_s: float) -> Session | None:
         """Return the session of a page that connects again; None if it has ended or never existed."""
         for session in [one for one in self._sessions if _equal(token, one.token)]:
-            session.connections_left -= 1
-            if session.connections_left >= 0 and now_s <= session.ends_s:
+            if now_s <= session.ends_s:
                 return session
             self._sessions.remove(session)
         return None

@@ -129,7 +129,7 @@ async def test_garbage_ends_its_own_connection_only(tmp_path: Path) -> None:
             with suppress(ConnectionClosed):
                 for _ in range(1000):
                     await page.send()
-            assert await page.closed() == BAD_MESSAGE
+            assert await page.closed() in {BAD_MESSAGE, 1006}  # cut off, if it sends much after its end
         with socket.create_connection(("127.0.0.1", int(server.port))) as stream:
             stream.sendall(b"\x16\x03\x01\x02\x00garbage\r\n\r\n")
             assert stream.recv(1000).startswith(b"HTTP/1.1 400")

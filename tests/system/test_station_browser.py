@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -84,12 +84,6 @@ async def test_a_key_stops_and_a_key_without_a_meaning_of_its_own_does_not(tmp_p
         await subject.until(lambda: ESTOP in subject.status.causes, "its press")
 
 
-async def test_a_page_that_is_closed_is_the_loss_of_the_station(tmp_path: Path) -> None:
-    async with phone(tmp_path) as (subject, _, _, tab):
-        await tab.close()
-        await lost(subject)
-
-
 async def test_a_page_that_is_hidden_is_lost_and_connects_again_when_it_is_seen(tmp_path: Path) -> None:
     async with phone(tmp_path) as (subject, _, chromium, tab):
         other = await chromium.open("about:blank")
@@ -101,15 +95,28 @@ async def test_a_page_that_is_hidden_is_lost_and_connects_again_when_it_is_seen(
         await tab.shows("STOPPED", "ESTOP_STATION_LOST")
 
 
-async def test_a_page_that_is_frozen_by_the_browser_is_lost(tmp_path: Path) -> None:
-    async with phone(tmp_path) as (subject, _, _, tab):
-        await tab.do("Page.setWebLifecycleState", state="frozen")
-        await lost(subject)
+async def closed(_: Browser, tab: Tab) -> None:
+    await tab.close()
 
 
-async def test_a_browser_that_is_killed_is_the_loss_of_the_station(tmp_path: Path) -> None:
-    async with phone(tmp_path) as (subject, _, chromium, _):
-        chromium.kill()
+async def frozen(_: Browser, tab: Tab) -> None:
+    await tab.do("Page.setWebLifecycleState", state="frozen")
+
+
+async def left(_: Browser, tab: Tab) -> None:
+    await tab.do("Page.navigate", url="about:blank")
+
+
+async def killed(browser: Browser, _: Tab) -> None:
+    browser.kill()
+
+
+@pytest.mark.parametrize("end", [closed, frozen, left, killed])
+async def test_a_page_that_ends_is_the_loss_of_the_station(
+    tmp_path: Path, end: Callable[[Browser, Tab], Awaitable[None]]
+) -> None:
+    async with phone(tmp_path) as (subject, _, chromium, tab):
+        await end(chromium, tab)
         await lost(subject)
 
 
