@@ -8,7 +8,7 @@ import subprocess
 import sys
 import termios
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from typing import Any, NoReturn
 
@@ -29,8 +29,24 @@ TELEOP_LIMIT_S = 4.0
 """Longer than teleop's own shutdown limit of 3 s."""
 
 
-def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool = False) -> int:
+def up(
+    state: StateDir,
+    launch: Launch,
+    say: Say,
+    *,
+    detach: bool,
+    as_json: bool = False,
+    show_station: Callable[[str], None] = print,
+) -> int:
     """Start the stack, run teleop, and return teleop's exit code (128 + N if signal N ended it).
+
+    Args:
+        state: where its records and logs are.
+        launch: what is started.
+        say: reports progress.
+        detach: whether to return instead of running teleop.
+        as_json: whether to print how to reach the robot as JSON.
+        show_station: shows the address of the station's page.
 
     Raises:
         DeployError: the stack could not start; every process started here has been stopped.
@@ -54,16 +70,8 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
                 asyncio.run(bringup.check_supervisor_answers(launch))
                 bringup.start(state, launch, say)
                 asyncio.run(bringup.wait_until_alive(state, launch, say))
-                latched = launch.latched_sentence(state)
-                if latched is not None:
-                    say(latched)
-                if as_json:
-                    print(json.dumps(_document(state, launch, is_latched=latched is not None), indent=2))
-                    keep = True
-                    return 0
+                _announce(state, launch, say, detach=detach, as_json=as_json, show_station=show_station)
                 if detach:
-                    for hint in hints(state, launch):
-                        say(hint)
                     keep = True
                     return 0
                 return _teleop_here(state, launch, say)
@@ -75,6 +83,32 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
                 with suppress(OSError):  # the terminal may be closed
                     if stopped.names:
                         say("everything is stopped")
+
+
+def _announce(
+    state: StateDir,
+    launch: Launch,
+    say: Say,
+    *,
+    detach: bool,
+    as_json: bool,
+    show_station: Callable[[str], None],
+) -> None:
+    """Print what a person or a program must know about the robot that runs now."""
+    latched = launch.latched_sentence(state)
+    if latched is not None:
+        say(latched)
+    station = bringup.new_station_address(state) if launch.station else None
+    if as_json:
+        print(json.dumps(_document(state, launch, is_latched=latched is not None, station=station), indent=2))
+        return
+    for hint in hints(state, launch) if detach else ():
+        say(hint)
+    if station is not None:
+        show_station(station)
+        if not detach:
+            say("Enter: start teleop, which uses this terminal")
+            sys.stdin.readline()
 
 
 def become_teleop(launch: Launch, options: Sequence[str]) -> NoReturn:
@@ -120,7 +154,7 @@ def _starting(launch: Launch) -> str:
     return f"starting {started} without a sim: the base must connect to {launch.bus.endpoint}"
 
 
-def _document(state: StateDir, launch: Launch, *, is_latched: bool) -> dict[str, Any]:
+def _document(state: StateDir, launch: Launch, *, is_latched: bool, station: str | None) -> dict[str, Any]:
     return {
         "endpoint": launch.bus.endpoint,
         "participants": launch.participants,
@@ -128,6 +162,7 @@ def _document(state: StateDir, launch: Launch, *, is_latched: bool) -> dict[str,
         "state_dir": str(state.path),
         "nodes": launch.nodes,
         "estop_latched": is_latched,
+        "station": station,
         "teleop": launch.command(topics.TELEOP),
     }
 

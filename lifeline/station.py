@@ -9,10 +9,12 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import replace
 from typing import NoReturn
 
 import segno
 
+from deploy.stack.bringup import NEW_CODE
 from deploy.stack.console import say
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
@@ -21,7 +23,8 @@ from deploy.stack.reach import check_may_stop, run_command
 from station.admission import Address
 from station.pairing import CODE_LIFETIME_S, Pairing
 from station.relay import Relay
-from station.server import MAX_CONNECTIONS, serve
+from station.server import serve
+from station.visitors import MAX_VISITORS
 from station.web import Application
 from wire.bundle import Bundle, BundleError, choose_bundle
 from wire.host.config import NAME
@@ -49,20 +52,51 @@ def run(launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool) 
     Raises:
         DeployError: the name, the certificate or the port is refused, or the person does not confirm.
     """
-    if NAME.fullmatch(name) is None:
-        raise DeployError(
-            f"{name!r} is not a name: use small letters, digits and _ as in [[supervisor.estop_stations]]"
-        )
-    check_may_stop(launch.bus)
-    hosts, bundle = _open_hosts(launch, name, may_open=may_open) if is_open else (LOOPBACK, None)
+    hosts, bundle = _hosts(launch, name, is_open=is_open, may_open=may_open)
     family = socket.AF_INET6 if ":" in hosts[0] else socket.AF_INET
     try:
-        listening = socket.create_server((hosts[0], port), family=family, backlog=MAX_CONNECTIONS)
+        listening = socket.create_server((hosts[0], port), family=family, backlog=MAX_VISITORS)
     except OSError as error:
         text = f"{bracketed(hosts[0])}:{port}"
         raise cannot_listen(text, error.errno, error.strerror or str(error), "--port N") from error
     address = Address("http" if bundle is None else "https", tuple(map(bracketed, hosts)), port)
     run_command(lambda stop: _serve(stop, launch, name, address, listening, bundle))
+
+
+def beside(launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool) -> Launch:
+    """Return the same robot with the page of the station among its programs; the arguments are those of `run`.
+
+    Raises:
+        DeployError: as for `run`, except for the port, which the program itself opens.
+    """
+    _hosts(launch, name, is_open=is_open, may_open=may_open)
+    opening = ("--open", "--yes") if is_open else ()
+    module, *options = launch.command("lifeline.cli.app")[2:]
+    command = (
+        sys.executable,
+        "-m",
+        module,
+        "station",
+        "--name",
+        name,
+        "--port",
+        str(port),
+        *opening,
+        *options,
+    )
+    return replace(launch, station=command)
+
+
+def _hosts(
+    launch: Launch, name: str, *, is_open: bool, may_open: bool
+) -> tuple[tuple[str, ...], Bundle | None]:
+    """Return the names under which the page is served, and the bundle with the certificate for them; None: without TLS."""
+    if NAME.fullmatch(name) is None:
+        raise DeployError(
+            f"{name!r} is not a name: use small letters, digits and _ as in [[supervisor.estop_stations]]"
+        )
+    check_may_stop(launch.bus)
+    return _open_hosts(launch, name, may_open=may_open) if is_open else (LOOPBACK, None)
 
 
 def _open_hosts(launch: Launch, name: str, *, may_open: bool) -> tuple[tuple[str, ...], Bundle]:
@@ -128,7 +162,7 @@ async def _serve(
     def offer() -> None:
         code = "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
         pairing.offer(code, loop.time())
-        printer.submit(_print_code, address.url(code))
+        printer.submit(print_code, address.url(code))
 
     def on_line() -> None:
         with suppress(OSError):  # in the background
@@ -144,6 +178,7 @@ async def _serve(
         asyncio.ensure_future(relay.run(stop)),
         asyncio.ensure_future(serve(application, listening, bundle, stop)),
     ]
+    loop.add_signal_handler(NEW_CODE, offer)
     offer()
     if sys.stdin.isatty():
         signal.signal(
@@ -164,7 +199,8 @@ async def _serve(
     return 0
 
 
-def _print_code(url: str) -> None:
+def print_code(url: str) -> None:
+    """Print the address of the page with a new code, on a terminal also as a QR code."""
     if sys.stdout.isatty() and "utf" in sys.stdout.encoding.lower():
         segno.make(url, micro=False).terminal(compact=True)
     say(f"open {url} within {CODE_LIFETIME_S:.0f} s, in one browser")

@@ -2,6 +2,7 @@
 
     pairing.py    who may hold the lease: one-time codes and sessions (pure)
     admission.py  which requests are served: Host and Origin (pure)
+    visitors.py   how long a connection of a stranger lasts
     messages.py   the messages between page and server (pure)
     relay.py      carries leases between the pages and the supervisor
     web.py        the page and its websocket

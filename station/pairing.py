@@ -1,5 +1,8 @@
 """Who may hold the lease: a code pairs one page, once, and the session that it gets may connect again (pure).
 
+A wrong code has no effect: if some withdrew the present code, a stranger could keep every page away. A code of 59 bits that is
+valid for a minute cannot be guessed.
+
 Nothing is stored: after a restart of the server, each page needs a new code.
 """
 
@@ -7,11 +10,7 @@ import hmac
 from dataclasses import dataclass
 
 CODE_LIFETIME_S = 60.0
-MAX_WRONG_CODES = 5
-"""After this many wrong codes, the present code is withdrawn."""
 SESSION_LIFETIME_S = 12 * 3600.0
-MAX_CONNECTIONS = 1000
-"""Of one session, the first one included."""
 MAX_SESSIONS = 8
 """A further one ends the oldest."""
 
@@ -22,23 +21,18 @@ class Session:
 
     token: str
     ends_s: float
-    connections_left: int = MAX_CONNECTIONS - 1
 
 
 class Pairing:
     """The present code and the sessions. All times are of one monotonic clock."""
 
     def __init__(self) -> None:
-        self._code, self._code_ends_s, self._wrong_codes = "", 0.0, 0
+        self._code, self._code_ends_s = "", 0.0
         self._sessions: list[Session] = []
 
     def offer(self, code: str, now_s: float) -> None:
         """Accept this random code from now on, in the place of any earlier one."""
-        self._code, self._code_ends_s, self._wrong_codes = code, now_s + CODE_LIFETIME_S, 0
-
-    def has_code(self, now_s: float) -> bool:
-        """Return whether a code would be accepted."""
-        return self._code != "" and now_s <= self._code_ends_s
+        self._code, self._code_ends_s = code, now_s + CODE_LIFETIME_S
 
     def pair(self, code: str, token: str, now_s: float) -> Session | None:
         """Exchange the code for a session.
@@ -49,14 +43,9 @@ class Pairing:
             now_s: the present time.
 
         Returns:
-            the session; None if the code is wrong, was used, has expired or was withdrawn.
+            the session; None if the code is wrong, was used or has expired.
         """
-        if not self.has_code(now_s):
-            return None
-        if not _equal(code, self._code):
-            self._wrong_codes += 1
-            if self._wrong_codes >= MAX_WRONG_CODES:
-                self._code = ""
+        if self._code == "" or now_s > self._code_ends_s or not _equal(code, self._code):
             return None
         self._code = ""
         session = Session(token, now_s + SESSION_LIFETIME_S)
@@ -66,8 +55,7 @@ class Pairing:
     def resume(self, token: str, now_s: float) -> Session | None:
         """Return the session of a page that connects again; None if it has ended or never existed."""
         for session in [one for one in self._sessions if _equal(token, one.token)]:
-            session.connections_left -= 1
-            if session.connections_left >= 0 and now_s <= session.ends_s:
+            if now_s <= session.ends_s:
                 return session
             self._sessions.remove(session)
         return None

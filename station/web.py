@@ -22,11 +22,11 @@ from station.admission import RESPONSE_HEADERS, Address
 from station.messages import BadMessageError
 from station.pairing import Pairing, Session
 from station.relay import Relay, Run
+from station.visitors import Visitor
 
 _log = logging.getLogger(__name__)
 
 FILES = {"index.html": "html", "station.js": "javascript", "lease.js": "javascript", "style.css": "css"}
-HELLO_LIMIT_S = 5.0
 SILENCE_S = 1.0
 """The lease has ended long before; then the connection ends, too, so that the page can connect again."""
 MAX_MESSAGES_PER_S = 100
@@ -68,15 +68,15 @@ class Socket:
                 while self._waiting:
                     await self._websocket.send_text(self._waiting.pop(next(iter(self._waiting))))
 
-    async def read(self, limit_s: float) -> str:
+    async def read(self) -> str:
         """Return the next message.
 
         Raises:
             WebSocketDisconnect: the connection has ended.
-            ClosingError: none arrives within `limit_s`, or it is not text.
+            ClosingError: none arrives within `SILENCE_S`, or it is not text.
         """
         try:
-            async with asyncio.timeout(limit_s):
+            async with asyncio.timeout(SILENCE_S):
                 message = await self._websocket.receive()
         except TimeoutError as error:
             raise SILENT from error
@@ -127,7 +127,7 @@ class Application:
     async def _on_websocket(self, websocket: WebSocket) -> None:
         try:
             await websocket.accept()
-            await self._serve(Socket(websocket))
+            await self._serve(Socket(websocket), websocket.state.visitor)
         except WebSocketDisconnect:
             return
         except (ClosingError, BadMessageError) as error:
@@ -138,20 +138,22 @@ class Application:
             _log.exception("a page ended with an unexpected error")
             raise
 
-    async def _serve(self, socket: Socket) -> None:
+    async def _serve(self, socket: Socket, visitor: Visitor) -> None:
         """Pair a page and hold its lease, until the connection ends, or the server ends it with an error."""
-        session = self._admit(*messages.read_hello(await socket.read(HELLO_LIMIT_S)))
+        session = self._admit(*messages.read_hello(await socket.read()))
         if (before := self._runs.pop(session, None)) is not None:
             self._relay.leave(before)
         if self._relay.is_full:
             raise TOO_MANY_PAGES
         socket.show("welcome", messages.welcome(self._name, session.token))
         run = self._runs[session] = self._relay.enter(socket)
+        visitor.stay()
         self._say(f"{self._name}: a page is connected")
         writing = asyncio.ensure_future(socket.write())
         try:
             await self._hold(socket, run)
         finally:
+            visitor.leave(asyncio.get_running_loop().time())
             self._relay.leave(run)
             writing.cancel()
             if self._runs.get(session) is run:
@@ -160,15 +162,12 @@ class Application:
 
     def _admit(self, code: str, token: str) -> Session:
         now_s = asyncio.get_running_loop().time()
-        had_code = self._pairing.has_code(now_s)
         session = (
             self._pairing.resume(token, now_s)
             if token
             else self._pairing.pair(code, secrets.token_urlsafe(32), now_s)
         )
         if session is None:
-            if had_code and not self._pairing.has_code(now_s):
-                self._say("too many wrong codes: the present code is withdrawn")
             raise NOT_PAIRED
         return session
 
@@ -176,7 +175,7 @@ class Application:
         loop = asyncio.get_running_loop()
         since_s, count = loop.time(), 0
         while True:
-            lease = messages.read_lease(await socket.read(SILENCE_S))
+            lease = messages.read_lease(await socket.read())
             if not self._relay.hear(run, lease):
                 raise REPLACED
             since_s, count = (since_s, count + 1) if loop.time() - since_s < 1.0 else (loop.time(), 1)

@@ -1,7 +1,10 @@
 """Starts the nodes of a robot, and waits until they are alive; the caller holds the state directory's lock."""
 
 import json
+import re
+import signal
 import time
+from contextlib import suppress
 
 from deploy.stack import processes, supervisord
 from deploy.stack.errors import DeployError, held_back
@@ -14,6 +17,11 @@ from wire import topics
 from wire.host.config import ConfigError, read_toml
 
 ALIVE_LIMIT_S = 20.0
+STATION = "station"
+"""The program of `Launch.station`."""
+STATION_ADDRESS = re.compile(r"open (https?://\S+#\w+) within")
+NEW_CODE = signal.SIGURG
+"""Asks a station for a new code; a process that does not handle it ignores it."""
 ASK_PERIOD_S = 0.2
 ANSWER_LIMIT_S = 2.0
 
@@ -52,7 +60,7 @@ def start(state: StateDir, launch: Launch, say: Say) -> None:
         check_endpoint_is_free(launch.bus.endpoint)
     check_configuration(launch)
     uv = supervisord.find_uv()
-    for node in launch.nodes:
+    for node in (*launch.nodes, STATION):
         state.log(node).unlink(missing_ok=True)
     state.record.write_text(json.dumps(launch.to_record()))
     supervisord.start(uv, state, launch, say)
@@ -130,6 +138,32 @@ async def wait_until_alive(state: StateDir, launch: Launch, say: Say, limit_s: f
             raise DeployError(
                 f"{' and '.join(sorted(said))} did not start within {limit_s:g} s{_with_logs(state, said)}"
             )
+
+
+def new_station_address(state: StateDir, limit_s: float = ALIVE_LIMIT_S) -> str:
+    """Ask the page of an e-stop station that runs beside the nodes for a new code, and return its address.
+
+    Raises:
+        DeployError: it does not run or does not answer.
+    """
+    deadline_s = time.monotonic() + limit_s
+    health = Health(state)
+    before: int | None = None
+    while time.monotonic() < deadline_s:
+        with suppress(OSError):
+            addresses = STATION_ADDRESS.findall(state.log(STATION).read_text(errors="replace"))
+            if before is not None and len(addresses) > before:
+                return addresses[-1]
+            if before is None and addresses:  # it has begun to listen for the signal
+                before = len(addresses)
+                for process in processes.of(state.path):
+                    if process.name == STATION:
+                        processes.send(process, state.path, NEW_CODE)
+        health.check()
+        time.sleep(processes.POLL_S)
+    raise DeployError(
+        f"no e-stop station runs in {state.path}: start it with `lifeline up --station`{_with_logs(state, {STATION})}"
+    )
 
 
 class Health:

@@ -73,6 +73,8 @@ class Launch:
     sim_options: str = ""
     nodes: tuple[str, ...] = SIMULATED
     """What `lifeline up` starts, and what a running robot needs; the hub first."""
+    station: tuple[str, ...] = ()
+    """The command line of an e-stop station's page that runs beside the nodes; empty: none."""
 
     @classmethod
     def read(
@@ -213,6 +215,8 @@ class Launch:
             "LIFELINE_BUS_OPTIONS": shlex.join(bus_options(self.bus)),
             "LIFELINE_SIM_OPTIONS": self.sim_options,
             "LIFELINE_ROS2_COMMAND": ros2,
+            "LIFELINE_STATION_COMMAND": shlex.join(self.station) or UNUSED,
+            "LIFELINE_START_STATION": str(bool(self.station)).lower(),
             **{
                 f"LIFELINE_START_{node.upper()}": str(node in self.nodes).lower()
                 for node in (topics.SUPERVISOR, topics.SIM, topics.ROS2)

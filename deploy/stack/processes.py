@@ -19,7 +19,11 @@ from wire.host import memory_keeper
 
 MARK = "LIFELINE_STACK"
 POLL_S = 0.02
-OURS = ("supervisor", "sim", "ros2", "teleop")
+OURS = {
+    **{name: name for name in ("supervisor", "sim", "ros2", "teleop")},
+    "lifeline.cli.app": "station",
+}
+"""The names of our processes, by their modules."""
 LISTINGS = 8
 """Listings of all processes in one search: more than the forks by which a daemon leaves its parent behind. On a machine
 where other programs start processes all the time, each listing has new ones."""
@@ -31,7 +35,7 @@ class Process:
 
     pid: int
     name: str
-    """`supervisord`, one of `OURS`, or the name of memory keepers."""
+    """`supervisord`, one of the names in `OURS`, or the name of memory keepers."""
 
 
 def of(state_dir: Path) -> list[Process]:
@@ -119,5 +123,5 @@ def _name(pid: int, state_dir: Path) -> str | None:
         return memory_keeper.NAME
     for option, value in itertools.pairwise(arguments):
         if option == "-m" and value in OURS:
-            return value
+            return OURS[value]
     return "supervisord" if any(Path(a).name == "supervisord" for a in arguments) else None

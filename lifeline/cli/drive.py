@@ -34,6 +34,16 @@ app.add_typer(ros2_app, name="ros2")
 
 Speed = Annotated[float, option("--speed", "V", "Maximum speed in m/s.", min=0.05, max=1.0)]
 Laps = Annotated[int, option("--laps", "N", "Number of laps.", min=1, max=1000)]
+Port = Annotated[int, option("--port", "N", "Port of the station's page.", min=1024, max=65535)]
+Open = Annotated[
+    bool,
+    typer.Option(
+        "--open",
+        help="Serve the station's page to the local network, over TLS with the bundle of --keys. Default: only to this computer.",
+    ),
+]
+Yes = Annotated[bool, typer.Option("--yes", help="With --open: do not ask.")]
+PORT = 8470
 Clockwise = Annotated[bool, typer.Option("--clockwise", help="Turn right instead of left.")]
 
 
@@ -60,6 +70,15 @@ def up(
             "--only", "NODE", "Start only supervisor, sim or ros2, in the background; repeat for several."
         ),
     ] = None,
+    station: Annotated[
+        bool,
+        typer.Option(
+            "--station", help="Also serve the page of the e-stop station phone, as `lifeline station` does."
+        ),
+    ] = False,
+    port: Port = PORT,
+    is_open: Open = False,
+    yes: Yes = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="With --detach: print the address and teleop's command as JSON.")
     ] = False,
@@ -81,7 +100,21 @@ def up(
     if only:
         launch = launch.only(only)
     progress = note if as_json else say
-    return up(StateDir.choose(state_dir), launch, progress, detach=detach or bool(only), as_json=as_json)
+    detach = detach or bool(only)
+    if not station:
+        return up(StateDir.choose(state_dir), launch, progress, detach=detach, as_json=as_json)
+    require("station")
+    from lifeline.station import beside, print_code
+
+    launch = beside(launch, "phone", port, is_open=is_open, may_open=yes)
+    return up(
+        StateDir.choose(state_dir),
+        launch,
+        progress,
+        detach=detach,
+        as_json=as_json,
+        show_station=print_code,
+    )
 
 
 @command(app)
@@ -133,23 +166,25 @@ def station(
     name: Annotated[
         str, option("--name", "NAME", "Name of the e-stop station in the configuration.")
     ] = "phone",
-    port: Annotated[int, option("--port", "N", "Port of the page.", min=1024, max=65535)] = 8470,
-    is_open: Annotated[
-        bool,
-        typer.Option(
-            "--open",
-            help="Serve the page to the local network, over TLS with the bundle of --keys. Default: only to this computer.",
-        ),
+    port: Port = PORT,
+    is_open: Open = False,
+    yes: Yes = False,
+    new_code: Annotated[
+        bool, typer.Option("--new-code", help="Only print a new code of the page of `lifeline up --station`.")
     ] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="With --open: do not ask.")] = False,
 ) -> None:
     """Make the browser of a phone an e-stop station: serve a page with one button, until Ctrl-C. It cannot drive.
 
     The page opens with a code that counts once, within a minute. The robot stops if the page of a required station closes, hides or hangs.
     """
     require("station")
-    from lifeline.station import run
+    from lifeline.station import print_code, run
 
+    if new_code:
+        from deploy.stack.bringup import new_station_address
+
+        print_code(new_station_address(robot.state))
+        return
     run(robot.launch, name, port, is_open=is_open, may_open=yes)
 
 

@@ -8,6 +8,7 @@ const TURN_S = 0.05;
 const RETRY_S = 0.5;
 const RELEASE_S = 1;
 const HANGS_S = 1;
+const SILENCE_S = 3; // the server sends more often: the connection is dead, or was never made
 const NOT_PAIRED = 4401;
 const NO_STOP_KEYS = /^(Tab|Shift|Control|Alt|AltGraph|Meta|CapsLock|NumLock|F\d+)$/;
 
@@ -18,6 +19,10 @@ const release = element("release");
 let lease = leases.NEW;
 let socket = null;
 let isWelcome = false;
+let challenge = null; // the newest of the supervisor that is not answered yet
+let isAnswering = false;
+let contact_s = 0; // when the server last sent a message, or the connection began
+let isCovered = false; // by something else on a touch screen, which then has the focus
 let code = ""; // from the address, for one use
 let token = ""; // of the session; only this page has it
 let station = "";
@@ -33,7 +38,8 @@ function takeCode() {
 }
 
 function connect() {
-  if (socket !== null || document.hidden || (code === "" && token === "")) return;
+  if (socket !== null || document.hidden || isCovered || (code === "" && token === "")) return;
+  contact_s = now_s();
   const own = (socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/lease`));
   own.onopen = () => {
     own.send(JSON.stringify(code === "" ? { token } : { code }));
@@ -44,6 +50,7 @@ function connect() {
 }
 
 function onMessage(message) {
+  contact_s = now_s();
   if (message.kind === "view") {
     view = message;
   } else if (message.kind === "welcome") {
@@ -51,13 +58,31 @@ function onMessage(message) {
     isWelcome = true;
     change(lease);
   } else {
-    change(leases.received(lease, message));
+    challenge = message;
+    if (!isAnswering) answer();
+  }
+}
+
+// Answers the newest challenge after a frame was drawn and the browser itself has replied: only then does the person see the
+// page, and do touches reach it. The browser's own process delivers them; this loop goes on while that process hangs.
+async function answer() {
+  isAnswering = true;
+  try {
+    while (challenge !== null) {
+      const [own, message] = [socket, challenge];
+      challenge = null;
+      await Promise.all([new Promise(requestAnimationFrame), navigator.locks.query()]);
+      if (own === socket) change(leases.received(lease, message));
+    }
+  } finally {
+    isAnswering = false;
   }
 }
 
 function disconnected(why, number = 0) {
   socket = null;
   isWelcome = false;
+  challenge = null;
   lease = leases.disconnected(lease);
   view = { ...view, latched: false };
   ending = why;
@@ -87,6 +112,8 @@ function change(next) {
 
 function press(event) {
   event.preventDefault();
+  letGo();
+  uncovered(); // touches reach the page
   change(leases.pressed(lease, now_s()));
 }
 
@@ -99,14 +126,17 @@ addEventListener("keydown", (event) => {
 addEventListener("contextmenu", (event) => event.preventDefault()); // of a long touch
 
 let releasing = 0;
+function letGo() {
+  clearTimeout(releasing);
+  release.classList.remove("held");
+}
 function hold(event) {
   if (event.repeat) return;
-  const isHeld = event.type === "pointerdown" || event.type === "keydown";
-  clearTimeout(releasing);
-  release.classList.toggle("held", isHeld);
-  if (!isHeld) return;
+  letGo();
+  if (event.type !== "pointerdown" && event.type !== "keydown") return;
+  release.classList.add("held");
   releasing = setTimeout(() => {
-    release.classList.remove("held");
+    letGo();
     change(leases.released(lease));
   }, RELEASE_S * 1000);
 }
@@ -127,11 +157,12 @@ function sentence(word) {
     if (!isConfirmed || word !== "STOPPED") return "Pressed: waiting for the confirmation.";
     return `Stopped from here, confirmed after ${Math.round(confirmedAfter_s * 1000)} ms.`;
   }
-  if (word === "STOPPED") return `The robot is stopped: ${view.reasons}.`;
+  if (word === "STOPPED") return `The robot is stopped${view.reasons && `: ${view.reasons}`}.`;
   return `Touch anywhere to stop.${view.required ? " Closing or hiding this page stops the robot, too." : ""}`;
 }
 
 function whyNotHeard() {
+  if (navigator.locks === undefined) return "This browser is too old.";
   if (isWelcome) return view.problem;
   if (code === "" && token === "") return ending || "Not paired: open the address with its code.";
   return ending || "No connection to the station's program.";
@@ -165,6 +196,18 @@ function onVisibility() {
 
 document.addEventListener("visibilitychange", onVisibility);
 addEventListener("pageshow", onVisibility);
+// What covers a page on a touch screen does not always hide it: the list of notifications, a menu, the keyboard. Touches then
+// do not reach the page. With a mouse, a page without the focus can still be clicked.
+addEventListener("blur", () => {
+  if (!matchMedia("(pointer: coarse)").matches) return;
+  isCovered = true;
+  disconnect("Something else has the focus: touch the page.");
+});
+addEventListener("focus", uncovered);
+function uncovered() {
+  isCovered = false;
+  connect();
+}
 addEventListener("pagehide", () => disconnect("The page was closed."));
 document.addEventListener("freeze", () => disconnect("The page was frozen."));
 addEventListener("hashchange", () => {
@@ -174,4 +217,8 @@ addEventListener("hashchange", () => {
 
 takeCode();
 onVisibility();
-setInterval(() => (now_s() >= leases.dueAt_s(lease) ? change(lease) : render()), TURN_S * 1000);
+setInterval(() => {
+  if (socket !== null && now_s() - contact_s > SILENCE_S) disconnect("The station's program does not answer.");
+  if (now_s() >= leases.dueAt_s(lease)) change(lease);
+  else render();
+}, TURN_S * 1000);

@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed
 
 from tests.system.operators import LIMIT_S, until
 
@@ -154,6 +155,18 @@ class Browser:
         await tab.do("Page.navigate", url=url)  # answers when the new document is there
         return tab
 
+    def stop_part(self, option: str) -> None:
+        """SIGSTOP to its processes with an option, such as `--type=renderer`; without one, to that which receives touches and keys."""
+        found = 0
+        for process in Path("/proc").iterdir():
+            with suppress(OSError, ValueError):
+                arguments = (process / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+                is_wanted = option in arguments if option else "--type=" not in arguments
+                if is_wanted and os.getpgid(int(process.name)) == self._process.pid:
+                    os.kill(int(process.name), signal.SIGSTOP)
+                    found += 1
+        assert found, f"no process has {option}"
+
     def kill(self) -> None:
         """SIGKILL to all its processes."""
         with suppress(ProcessLookupError):
@@ -166,11 +179,11 @@ async def browser(profile: Path, *options: str) -> AsyncGenerator[Browser]:
     made = Browser(profile, *options)
     listening: asyncio.Future[None] | None = None
     try:
-        connection = await made.join()
+        await made.join()
         listening = asyncio.ensure_future(made.listen())
         yield made
-        await connection.close()
     finally:
-        made.kill()
+        made.kill()  # also if a part of it is stopped, which would not end its connection
         if listening is not None:
-            listening.cancel()
+            with suppress(ConnectionClosed):
+                await listening

@@ -135,3 +135,40 @@ async def served(tmp_path: Path, *nodes: str, teleop: bool = False) -> AsyncGene
             yield subject, server
         finally:
             server.close()
+
+
+class Line:
+    """A forwarder of TCP connections that can lose those that it has, as a phone does that comes to another network."""
+
+    def __init__(self, to_port: int) -> None:
+        self._to_port = to_port
+        self._ways: list[asyncio.Future[None]] = []
+        self.port = 0
+
+    async def forward(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        server_reader, server_writer = await asyncio.open_connection("127.0.0.1", self._to_port)
+        for source, target in ((reader, server_writer), (server_reader, writer)):
+            self._ways.append(asyncio.ensure_future(self._copy(source, target)))
+
+    async def _copy(self, source: asyncio.StreamReader, target: asyncio.StreamWriter) -> None:
+        with suppress(OSError):
+            while data := await source.read(4096):
+                target.write(data)
+        target.close()
+
+    def lose(self) -> None:
+        """Forward nothing more on the connections that exist; they stay open."""
+        for way in self._ways:
+            way.cancel()
+
+
+@asynccontextmanager
+async def line_to(port: int) -> AsyncGenerator[Line]:
+    line = Line(port)
+    server = await asyncio.start_server(line.forward, "127.0.0.1", 0)
+    line.port = server.sockets[0].getsockname()[1]
+    try:
+        yield line
+    finally:
+        server.close()
+        line.lose()

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import urllib.request
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,7 @@ from typing import Any
 import pytest
 
 from deploy.stack import processes, supervisord, takedown
+from deploy.stack.launch import DEFAULT_CONFIG, free_port
 from deploy.stack.statedir import StateDir
 from tests.system import fake_ros2
 from tests.system.ports import free_endpoint
@@ -150,6 +152,32 @@ def test_beside_the_pid_file_of_a_dead_supervisord_a_robot_comes_up_is_seen_and_
     again = robot.run("down")
     assert (again.returncode, again.stdout) == (0, "lifeline: nothing is running\n")
     assert robot.run("status").returncode == 3
+
+
+def test_the_page_of_a_station_runs_beside_the_nodes_and_ends_with_them(robot: Robot, tmp_path: Path) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text(f'{DEFAULT_CONFIG.read_text()}\n[[supervisor.estop_stations]]\nname = "phone"\n')
+    port = free_port()
+    options = ("--no-sim", "--config", str(config), "--station", "--port", str(port))
+    up = robot.run("up", "--detach", *options)
+    assert up.returncode == 0, up.stderr
+    assert robot.pids().keys() == {"supervisord", "supervisor", "station"}
+    addresses = [re.search(rf"http://127\.0\.0\.1:{port}/#\w+", up.stdout)]
+    with urllib.request.urlopen(f"http://127.0.0.1:{port}/") as page:
+        assert b"STOP" in page.read()
+    more = robot.run("station", "--new-code")
+    addresses.append(re.search(rf"http://127\.0\.0\.1:{port}/#\w+", more.stdout))
+    assert len({found[0] for found in addresses if found}) == 2, (up, more)
+    assert robot.run("down").returncode == 0
+    assert robot.pids() == {}
+    _refused(robot.run("station", "--new-code"), "no e-stop station runs in .*`lifeline up --station`")
+
+
+def test_a_station_beside_the_nodes_opens_to_the_network_only_as_the_command_station_does(
+    robot: Robot,
+) -> None:
+    _refused(robot.run("up", "--detach", "--station", "--open"), "--open needs TLS: make a certificate with")
+    assert robot.pids() == {}
 
 
 @pytest.mark.timed

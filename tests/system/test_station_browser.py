@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import pytest
 
 from tests.system.browser import Browser, Tab, browser, needs_chromium
 from tests.system.harness import PATIENCE_S, Robot, patiently
-from tests.system.pages import Server, served
+from tests.system.pages import Server, line_to, served
 from tests.system.test_estop_stations import ESTOP, LOST, drive, heard, state
 from wire import topics
 
@@ -66,6 +66,15 @@ async def test_a_touch_stops_and_holding_the_release_permits_the_reset(tmp_path:
         await tab.shows("STOPPED", "The robot is stopped: ESTOP")
 
 
+async def test_a_second_touch_ends_the_release_that_another_finger_holds(tmp_path: Path) -> None:
+    async with phone(tmp_path) as (subject, _, _, tab):
+        await tab.click(200, 300)
+        await tab.shows("STOPPED", "Stopped from here")
+        await tab.mouse("mousePressed", *await tab.middle_of("#release"))
+        await tab.evaluate("document.getElementById('stop').dispatchEvent(new Event('pointerdown'))")
+        await subject.never(lambda: state(subject, "phone") == "heard", "released beside a touch", 1.5)
+
+
 async def test_a_key_stops_and_a_key_without_a_meaning_of_its_own_does_not(tmp_path: Path) -> None:
     async with phone(tmp_path) as (subject, _, _, tab):
         for key in ("Shift", "F11", "Tab"):
@@ -73,12 +82,6 @@ async def test_a_key_stops_and_a_key_without_a_meaning_of_its_own_does_not(tmp_p
         await subject.never(lambda: ESTOP in subject.status.causes, "stopped by a modifier", 0.3)
         await tab.press_key("x")
         await subject.until(lambda: ESTOP in subject.status.causes, "its press")
-
-
-async def test_a_page_that_is_closed_is_the_loss_of_the_station(tmp_path: Path) -> None:
-    async with phone(tmp_path) as (subject, _, _, tab):
-        await tab.close()
-        await lost(subject)
 
 
 async def test_a_page_that_is_hidden_is_lost_and_connects_again_when_it_is_seen(tmp_path: Path) -> None:
@@ -92,22 +95,78 @@ async def test_a_page_that_is_hidden_is_lost_and_connects_again_when_it_is_seen(
         await tab.shows("STOPPED", "ESTOP_STATION_LOST")
 
 
-async def test_a_page_that_is_frozen_by_the_browser_is_lost(tmp_path: Path) -> None:
-    async with phone(tmp_path) as (subject, _, _, tab):
-        await tab.do("Page.setWebLifecycleState", state="frozen")
+async def closed(_: Browser, tab: Tab) -> None:
+    await tab.close()
+
+
+async def frozen(_: Browser, tab: Tab) -> None:
+    await tab.do("Page.setWebLifecycleState", state="frozen")
+
+
+async def left(_: Browser, tab: Tab) -> None:
+    await tab.do("Page.navigate", url="about:blank")
+
+
+async def killed(browser: Browser, _: Tab) -> None:
+    browser.kill()
+
+
+@pytest.mark.parametrize("end", [closed, frozen, left, killed])
+async def test_a_page_that_ends_is_the_loss_of_the_station(
+    tmp_path: Path, end: Callable[[Browser, Tab], Awaitable[None]]
+) -> None:
+    async with phone(tmp_path) as (subject, _, chromium, tab):
+        await end(chromium, tab)
         await lost(subject)
 
 
-async def test_a_browser_that_is_killed_is_the_loss_of_the_station(tmp_path: Path) -> None:
+@pytest.mark.parametrize("script", ["while (true) {}", "alert()"])
+async def test_a_page_whose_script_hangs_is_lost_although_its_connection_is_open(
+    tmp_path: Path, script: str
+) -> None:
+    async with phone(tmp_path) as (subject, _, _, tab):
+        await tab.begin(script)
+        await lost(subject)
+
+
+PARTS = ["", "--type=gpu-process", "--type=renderer", "--utility-sub-type=network.mojom.NetworkService"]
+
+
+@pytest.mark.parametrize("part", PARTS)
+async def test_a_page_is_lost_while_any_process_hangs_that_draws_it_or_carries_its_touches(
+    tmp_path: Path, part: str
+) -> None:
     async with phone(tmp_path) as (subject, _, chromium, _):
-        chromium.kill()
+        chromium.stop_part(part)
         await lost(subject)
+        await subject.never(lambda: state(subject, "phone") == "heard", "heard while a part of it hangs", 1.0)
 
 
-async def test_a_page_whose_script_hangs_is_lost_although_its_connection_is_open(tmp_path: Path) -> None:
+async def test_a_page_that_something_covers_on_a_touch_screen_is_lost_until_it_is_touched(
+    tmp_path: Path,
+) -> None:
     async with phone(tmp_path) as (subject, _, _, tab):
-        await tab.begin("while (true) {}")
+        await tab.evaluate("dispatchEvent(new Event('blur'))")
+        await subject.never(lambda: state(subject, "phone") != "heard", "lost with a mouse", 0.3)
+        await tab.do("Emulation.setTouchEmulationEnabled", enabled=True)
+        await tab.evaluate("dispatchEvent(new Event('blur'))")
         await lost(subject)
+        await subject.never(lambda: state(subject, "phone") == "heard", "heard without the focus", 1.0)
+        await tab.shows("NOT HEARD", "Something else has the focus: touch the page.")
+        await tab.click(200, 300)
+        await tab.shows("STOPPED", "Stopped from here")
+
+
+async def test_a_page_whose_connection_is_dead_makes_a_new_one(tmp_path: Path) -> None:
+    async with served(tmp_path) as (subject, server), line_to(int(server.port)) as line:
+        rules = f"--host-resolver-rules=MAP 127.0.0.1:{server.port} 127.0.0.1:{line.port}"
+        async with browser(tmp_path / "profile", rules) as chromium:
+            tab = await chromium.open(await server.new_address())
+            await tab.is_heard()
+            await heard(subject, "phone")
+            line.lose()
+            await lost(subject)
+            await heard(subject, "phone")
 
 
 async def test_a_page_says_when_the_supervisor_is_gone_and_keeps_a_press(tmp_path: Path) -> None:

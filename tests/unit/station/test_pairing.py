@@ -8,9 +8,7 @@ from hypothesis import strategies as st
 
 from station.pairing import (
     CODE_LIFETIME_S,
-    MAX_CONNECTIONS,
     MAX_SESSIONS,
-    MAX_WRONG_CODES,
     SESSION_LIFETIME_S,
     Pairing,
 )
@@ -30,7 +28,6 @@ def test_a_code_pairs_one_page_and_no_second_one() -> None:
     assert session is not None
     assert session.token == "token"
     assert pairing.pair(CODE, "another", 1.0) is None
-    assert not pairing.has_code(1.0)
 
 
 def test_a_code_counts_until_its_minute_ends() -> None:
@@ -47,17 +44,10 @@ def test_before_the_first_code_the_empty_one_pairs_nothing() -> None:
     assert Pairing().pair("", "token", 0.0) is None
 
 
-def test_wrong_codes_withdraw_the_present_one_and_a_new_one_counts_again() -> None:
+def test_wrong_codes_do_not_withdraw_the_present_one() -> None:
     pairing = offered()
-    for _ in range(MAX_WRONG_CODES - 1):
-        assert pairing.pair("wrong", "token", 0.0) is None
-    assert pairing.has_code(0.0)
-    pairing.pair("wrong", "token", 0.0)
-    assert pairing.pair(CODE, "token", 0.0) is None
-    pairing.offer(CODE, 1.0)
-    for _ in range(MAX_WRONG_CODES - 1):
-        pairing.pair("wrong", "token", 1.0)
-    assert pairing.pair(CODE, "token", 1.0) is not None
+    assert all(pairing.pair("wrong", "token", 0.0) is None for _ in range(100))
+    assert pairing.pair(CODE, "token", 0.0) is not None
 
 
 def test_a_new_code_ends_the_one_before_it() -> None:
@@ -73,13 +63,6 @@ def test_a_session_resumes_until_its_time_ends() -> None:
     assert pairing.resume("token", 2.0 + SESSION_LIFETIME_S) is session
     assert pairing.resume("token", math.nextafter(2.0 + SESSION_LIFETIME_S, math.inf)) is None
     assert pairing.resume("token", 2.0) is None  # it is forgotten
-
-
-def test_a_session_connects_a_limited_number_of_times() -> None:
-    pairing = offered()
-    pairing.pair(CODE, "token", 0.0)
-    resumed = [pairing.resume("token", 0.0) is not None for _ in range(MAX_CONNECTIONS)]
-    assert resumed == [True] * (MAX_CONNECTIONS - 1) + [False]
 
 
 @pytest.mark.parametrize("token", ["", "toke", "token2", "\udfff"])
