@@ -15,7 +15,7 @@ from typer.core import TyperArgument, TyperOption
 
 from deploy.stack.console import note
 from deploy.stack.errors import EXIT_REFUSED, DeployError
-from wire.host.extras import how_to_install, missing_extra
+from wire.host.installation import how_to_install, missing_extra
 
 if TYPE_CHECKING:
     from deploy.stack.launch import Launch

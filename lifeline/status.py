@@ -27,7 +27,7 @@ from deploy.stack.statedir import StateDir
 from deploy.stack.table import Table, facts
 from deploy.stack.takedown import listed
 from wire import tls, topics
-from wire.host.runnable import runnable
+from wire.host.installation import runnable
 from wire.messages import Odometry, SafetyStatus, Twist
 from wire.reasons import words_of
 from wire.text import printable, printable_lines

@@ -1,7 +1,7 @@
 """`python -m sim`: starts program.py, or says how to install the simulation."""
 
 from wire.host.command_line import refuse
-from wire.host.extras import how_to_install, missing_extra
+from wire.host.installation import how_to_install, missing_extra
 
 
 def main() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from wire.host.extras import how_to_install
+from wire.host.installation import how_to_install
 
 Pixels = NDArray[np.uint8]
 """RGB, shape (height, width, 3)."""

@@ -20,11 +20,11 @@ from supervisor.law.model import LawConfig
 from supervisor.service import SupervisorService
 from wire.host.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.host.config import BaseSection, BusSection, ConfigError, Section, read_sections
+from wire.host.installation import state_directory
 from wire.host.notify import TURN_LIMIT_S, take_notifier
 from wire.host.pauses import SuspendMeter
 from wire.host.process import run_process
 from wire.host.process_limits import bound_memory
-from wire.host.state_directory import state_directory
 from wire.tls import is_loopback, is_secure
 from wire.zenoh import limits
 from wire.zenoh.bus import open_bus

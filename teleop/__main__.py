@@ -35,8 +35,8 @@ from wire import topics
 from wire.bus import Bus, wait_until
 from wire.host.command_line import EXIT_USAGE, override, read_document, refuse, service_parser
 from wire.host.config import BusSection, ConfigError, section
+from wire.host.installation import runnable
 from wire.host.process import run_process
-from wire.host.runnable import runnable
 from wire.roles import Role
 from wire.zenoh.bus import DEFAULT_ENDPOINT, open_bus
 from wire.zenoh.hub_proof import HubProof

@@ -23,7 +23,7 @@ from deploy.keys.register import (
 )
 from deploy.stack.errors import DeployError
 from deploy.stack.table import Column, Table
-from wire.host.runnable import runnable
+from wire.host.installation import runnable
 from wire.roles import Role
 
 

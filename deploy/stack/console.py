@@ -5,7 +5,7 @@ import os
 import sys
 from typing import TYPE_CHECKING, TextIO
 
-from wire.host.runnable import runnable
+from wire.host.installation import runnable
 from wire.text import printable, printable_lines
 
 if TYPE_CHECKING:

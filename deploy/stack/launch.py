@@ -31,7 +31,7 @@ from wire.host.config import (
     read_toml,
     section,
 )
-from wire.host.state_directory import ENVIRONMENT
+from wire.host.installation import ENVIRONMENT
 from wire.zenoh.local_socket import participants
 
 DEFAULT_CONFIG = Path(__file__).resolve().parents[1] / "robot.toml"

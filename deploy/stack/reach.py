@@ -18,8 +18,8 @@ from wire import tls, topics
 from wire.bundle import BundleError, choose_bundle
 from wire.bus import Bus, BusError, Inbox, wait_until
 from wire.host.connections import is_here
+from wire.host.installation import runnable
 from wire.host.process import Main, run_process
-from wire.host.runnable import runnable
 from wire.messages import Odometry, SafetyStatus
 from wire.roles import Role
 from wire.text import printable_lines

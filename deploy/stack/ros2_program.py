@@ -20,7 +20,7 @@ from wire import topics
 from wire.bus_config import BusConfig
 from wire.host.command_line import bus_options
 from wire.host.config import ConfigError, absolute, read_toml, section
-from wire.host.state_directory import checkout
+from wire.host.installation import checkout
 
 PACKAGES = ("ros2", "wire")
 ROOT = Path(__file__).resolve().parents[2]

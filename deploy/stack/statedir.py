@@ -13,7 +13,7 @@ from typing import Any, cast
 from deploy.stack.errors import DeployError
 from wire.foreign import ForeignError, from_json, read_text
 from wire.host.config import ConfigError, absolute
-from wire.host.state_directory import ENVIRONMENT, state_directory
+from wire.host.installation import ENVIRONMENT, state_directory
 from wire.ownership import make_directory, open_lock, refusal
 
 MAX_PID = 1 << 22
@@ -32,7 +32,7 @@ class StateDir:
 
     @classmethod
     def choose(cls, given: Path | None) -> "StateDir":
-        """Return the given directory, else the default of `wire/host/state_directory.py`.
+        """Return the given directory, else the default of `wire/host/installation.py`.
 
         Raises:
             DeployError: the path begins with `~NAME` and there is no such user.

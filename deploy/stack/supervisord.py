@@ -21,7 +21,7 @@ from typing import Any, cast
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir, indented
-from wire.host.state_directory import checkout
+from wire.host.installation import checkout
 
 REQUIREMENT = "supervisor==4.3.0"
 CONFIGURATION = Path(__file__).resolve().parents[1] / "supervisord.conf"

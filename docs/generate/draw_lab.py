@@ -20,7 +20,7 @@ import pyte
 from deploy.stack.launch import free_loopback_endpoint
 from docs.generate.screen import Screen, running, teleop
 from docs.generate.terminal_picture import draw
-from wire.host.state_directory import ENVIRONMENT
+from wire.host.installation import ENVIRONMENT
 
 ROOT = Path(__file__).parents[2]
 REPORT = Path("lab-report")

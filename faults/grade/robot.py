@@ -33,7 +33,7 @@ from wire import cdr, topics
 from wire.access import LOCAL_ROLES, Contract
 from wire.bus import BusError, NoReplyError
 from wire.bus_config import DEFAULT_ENDPOINT, BusConfig
-from wire.host.state_directory import ENVIRONMENT
+from wire.host.installation import ENVIRONMENT
 from wire.messages import Point
 from wire.watchdog import BaseReason
 from wire.zenoh.bus import ZenohBus, open_bus

@@ -19,7 +19,7 @@ from lifeline.command import (
     option,
     robot_command,
 )
-from wire.host.extras import require
+from wire.host.installation import require
 
 app = typer.Typer()
 path_app = typer.Typer(

@@ -12,7 +12,7 @@ import typer
 from deploy.stack.console import answer, note, say
 from deploy.stack.errors import EXIT_REFUSED
 from lifeline.command import Json, ResultJson, argument, command, option
-from wire.host.extras import require
+from wire.host.installation import require
 
 app = typer.Typer()
 

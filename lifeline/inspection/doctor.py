@@ -28,7 +28,7 @@ from supervisor.config import SupervisorSection
 from supervisor.estop_record import is_recorded, pressed_by
 from wire import topics
 from wire.host.config import ConfigError, read_toml
-from wire.host.runnable import runnable
+from wire.host.installation import runnable
 from wire.text import printable, printable_lines
 
 PACKAGES = ("eclipse-zenoh", "numpy", "pydantic", "rich", "rosbags", "typer")

@@ -22,7 +22,7 @@ from deploy.stack.launch import Launch
 from lifeline.inspection.listening import Robot, inspection
 from lifeline.inspection.nodes import Node
 from lifeline.inspection.traffic import Traffic
-from wire.host.extras import require
+from wire.host.installation import require
 from wire.text import printable
 
 SUFFIXES = (".svg", ".png", ".dot")

@@ -13,7 +13,7 @@ from typing import Protocol, cast
 from teleop.gamepad.find import DEVICES, SYSFS, Described, GamepadError, Needed, find_gamepad, find_sensors
 from teleop.gamepad.pad import Axis, Gamepad, Layout, PadEvent, PadState
 from teleop.pilots.config import TeleopSection
-from wire.host.extras import how_to_install
+from wire.host.installation import how_to_install
 
 RETRY_PERIOD_S = 0.5
 """Period of the search for an unplugged pad."""

@@ -15,7 +15,7 @@ import pytest
 
 from tests.system.operators import DELETE_LINE, ROOT, Operator, until
 from tests.system.process_state import children_of
-from wire.host.state_directory import ENVIRONMENT
+from wire.host.installation import ENVIRONMENT
 
 NAMESPACES = ("unshare", "--net", "--pid", "--fork", "--mount-proc", "--kill-child")
 COMMAND_LIMIT_S = 30.0

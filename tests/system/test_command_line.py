@@ -17,7 +17,7 @@ from tests.system.commands import run_here
 from tests.system.harness import free_endpoint
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, WriterAtOnce
 from tests.unit.supervisor.law.law_harness import CONFIG
-from wire.host.state_directory import checkout
+from wire.host.installation import checkout
 
 pytestmark = pytest.mark.timeout(120)
 

@@ -20,7 +20,7 @@ from tests.packages import PACKAGES
 from tests.system import fake_ros2
 from tests.system.operators import ROOT, Operator, until
 from tests.system.ports import free_endpoint
-from wire.host.state_directory import ENVIRONMENT
+from wire.host.installation import ENVIRONMENT
 
 BUILD_LIMIT_S = 60.0
 COMMAND_LIMIT_S = 30.0

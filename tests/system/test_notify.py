@@ -17,8 +17,8 @@ from tests.system.ports import free_endpoint
 from tests.system.process_state import state_of
 from tests.system.systemd import STOPPING, Systemd, end
 from wire import topics
+from wire.host.installation import ENVIRONMENT
 from wire.host.notify import TURN_LIMIT_S
-from wire.host.state_directory import ENVIRONMENT
 
 pytestmark = pytest.mark.long
 

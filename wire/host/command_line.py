@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 
 from wire.bus_config import DEFAULT_ENDPOINT, BusConfig
 from wire.host.config import read_toml
-from wire.host.runnable import runnable
+from wire.host.installation import runnable
 
 EXIT_USAGE = 2
 PROGRAM = "LIFELINE_PROGRAM"

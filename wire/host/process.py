@@ -15,8 +15,8 @@ from collections.abc import Callable, Coroutine
 from contextlib import ExitStack, suppress
 from typing import Any, NoReturn
 
+from wire.host.installation import runnable
 from wire.host.memory_keeper import MemoryKeeper
-from wire.host.runnable import runnable
 from wire.inbox import BusError
 
 _log = logging.getLogger(__name__)

@@ -9,7 +9,7 @@ from deploy.keys.register import Request
 from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir
 from deploy.up import hints
-from wire.host.state_directory import ENVIRONMENT
+from wire.host.installation import ENVIRONMENT
 from wire.roles import Role
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.packages import PACKAGES
-from wire.host.state_directory import checkout
+from wire.host.installation import checkout
 
 
 def _python(code: str, cwd: Path) -> str:

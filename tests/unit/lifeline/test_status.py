@@ -8,7 +8,7 @@ from rich.console import Console
 
 from deploy.stack.ros2_reports import Level, Report
 from lifeline.status import Look, table
-from wire.host.runnable import runnable
+from wire.host.installation import runnable
 from wire.messages import SafetyStatus, header, odometry
 
 

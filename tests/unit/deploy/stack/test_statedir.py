@@ -10,7 +10,7 @@ from deploy.stack import statedir
 from deploy.stack.errors import DeployError
 from deploy.stack.statedir import SOCKET_PATH_LIMIT, LockedError, StateDir, locked
 from deploy.stack.takedown import down
-from wire.host.state_directory import ENVIRONMENT, state_directory
+from wire.host.installation import ENVIRONMENT, state_directory
 
 
 def test_without_an_option_it_is_where_the_supervisor_looks(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -36,7 +36,7 @@ from supervisor.law.reckoning import Velocity
 from supervisor.law.safety import initial_state, step
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, KeepingWriter, WriterAtOnce
 from tests.unit.supervisor.law.law_harness import CONFIG, FORWARD, NEUTRAL, TICK_S, lost, on_time
-from wire.host.state_directory import ENVIRONMENT
+from wire.host.installation import ENVIRONMENT
 from wire.reasons import StopReason
 
 WINDOW_S = 60.0

@@ -4,8 +4,8 @@ import sys
 
 import pytest
 
-from wire.host import extras
-from wire.host.extras import EXTRAS, how_to_install, missing_extra, require
+from wire.host import installation
+from wire.host.installation import EXTRAS, how_to_install, missing_extra, require
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_the_command_that_installs_an_extra_keeps_those_that_are_installed(
         for module in modules:
             monkeypatch.setitem(sys.modules, module, None)
     assert how_to_install("sim") == "install lifeline[sim], with `make setup`"
-    monkeypatch.setattr(extras, "checkout", lambda: None)
+    monkeypatch.setattr(installation, "checkout", lambda: None)
     assert "'.[sim]'" in how_to_install("sim")
     monkeypatch.delitem(sys.modules, "evdev")
     assert "'.[gamepad,sim]'" in how_to_install("sim")

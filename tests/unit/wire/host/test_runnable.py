@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from wire.host import runnable as module
-from wire.host.runnable import runnable
+from wire.host import installation as module
+from wire.host.installation import runnable
 
 ROOT = Path(__file__).parents[4]
 PROGRAM = Path(sys.executable).with_name("lifeline")

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from wire.host import state_directory as module
+from wire.host import installation as module
 from wire.host.config import ConfigError
-from wire.host.state_directory import ENVIRONMENT, checkout, state_directory
+from wire.host.installation import ENVIRONMENT, checkout, state_directory
 
 
 @pytest.fixture(autouse=True)
