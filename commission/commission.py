@@ -5,15 +5,17 @@ import datetime as dt
 import itertools
 import math
 import os
+from collections.abc import Collection
 from importlib.metadata import version
 from pathlib import Path
 from typing import NoReturn
 
 from commission import plan, timing
 from commission.driver import AbortedError, Driver, SurpriseError
+from commission.estimate import of_repeats
 from commission.findings import Findings, report, results
-from commission.measured import TableError, with_results
-from commission.mounting import forward_mistakes, turn_mistakes
+from commission.measured import TableError, check_place, with_results
+from commission.mounting import Mistake, forward_mistakes, turn_mistakes
 from commission.person import Person, TerminalPerson
 from commission.trace import Driven
 from commission.wall import Wall
@@ -26,7 +28,7 @@ from supervisor.config import UNMEASURED_M_S, NamedLidarSection, SupervisorSecti
 from teleop.holder import HeldError, about_this_process
 from teleop.terminal import is_terminal
 from wire.bus import Bus
-from wire.foreign import read_text
+from wire.foreign import ForeignError, read_text
 from wire.host.config import ConfigError, read_toml
 from wire.reasons import StopReason
 from wire.standstill import STILL_M_S
@@ -61,6 +63,10 @@ def commission(file: Path, launch: Launch, source: str, lidar_name: str | None) 
         raise DeployError("odometry = false: without odometry, nothing can be measured")
     if not is_terminal():
         raise DeployError("a person must confirm each step: run it in a terminal")
+    try:
+        check_place(read_text(file), results(Findings(), lidar))
+    except (OSError, ForeignError, TableError) as error:
+        raise DeployError(f"{file}: {error}") from error
     if not (os.access(file, os.W_OK) and os.access(file.resolve().parent, os.W_OK)):
         raise DeployError(f"{file} or its directory cannot be written: the results belong into it")
 
@@ -99,14 +105,8 @@ class Conductor:
             min(plan.POOR_DECELERATION_M_S2, config.deceleration_m_s2),
             max(plan.POOR_REACTION_S, config.base_dead_time_s + config.transport_s),
         )
-        self._driver = Driver(
-            bus,
-            source,
-            lidar,
-            config.footprint.hull().radius_m,
-            person,
-            about_this_process(source),
-        )
+        hull_m = config.footprint.hull().radius_m
+        self._driver = Driver(bus, source, lidar, hull_m, person, about_this_process(source))
 
     async def run(self, stop: asyncio.Event) -> int:
         try:
@@ -137,9 +137,11 @@ class Conductor:
         await self._check_wall()
         await self._rest()
         await self._step(plan.AHEAD, is_first=True)
-        await self._check_direction()
+        is_ahead = await self._seen("Did the robot drive ahead, toward the wall?", "ahead", "back")
+        _end_at(forward_mistakes(self._found.straights[-1], seen_ahead=is_ahead))
         await self._step(plan.LEFT, is_first=True)
-        await self._check_turn()
+        is_left = await self._seen("Which way did the robot turn, seen from above?", "left", "right")
+        _end_at(turn_mistakes(self._found.turns[-1], seen_left=is_left))
         await self._step(plan.HEADINGS)
         for speed_m_s in plan.speeds(min(self._config.max_linear_m_s, UNMEASURED_M_S)):
             if not await self._step(plan.stops(speed_m_s, self._base)):
@@ -171,7 +173,7 @@ class Conductor:
         )
 
     async def _confirm(self, question: str, word: str) -> None:
-        if (await self._driver.ask(question)).lower() != word:
+        if await self._driver.ask(question) != word:
             raise AbortedError(f"not confirmed with {word!r}")
 
     async def _rest(self) -> None:
@@ -180,8 +182,8 @@ class Conductor:
         await self._driver.wait(REST_S)
         trace = self._driver.trace.between(start_s, self._driver.now_s)
         arrivals = [scan.at_s for scan in trace.scans]
-        self._found.period = timing.period(arrivals)
-        self._found.longest_s = max((b - a for a, b in itertools.pairwise(arrivals)), default=math.nan)
+        gaps_s = [b - a for a, b in itertools.pairwise(arrivals)]
+        self._found.period, self._found.longest_s = of_repeats(gaps_s), max(gaps_s, default=math.nan)
         self._found.noise = timing.noise(trace.same_beams())
 
     async def _step(self, step: plan.Step, *, is_first: bool = False) -> bool:
@@ -195,7 +197,7 @@ class Conductor:
                         await self._drive(drive, is_first=is_first, until_estop=step is plan.ESTOP)
                 except SurpriseError as error:
                     hint = OTHER_WAY if is_first and StopReason.BASE_UNRESPONSIVE in str(error) else ""
-                    problem = f"{error}. Zero was sent{hint}"
+                    problem = f"{error}{hint}"
                 else:
                     return True
             self._say(f"step {step.name}: {problem}")
@@ -229,45 +231,36 @@ class Conductor:
         driven = await self._driver.drive(
             drive.back(self._there_m), self._base, is_first=is_first, until_estop=until_estop
         )
-        self._there_m = driven.way_m
-        if not until_estop:
-            self._keep(drive, driven)
-            return
-        zero_s = self._driver.heard_estop_s(driven.started_s)
-        if zero_s is None:
-            raise SurpriseError("no e-stop was heard")
-        still = (
-            one.at_s for one in driven.trace.odometry if one.at_s > zero_s and abs(one.linear_m_s) < STILL_M_S
+        motion = driven.motion(is_turn=bool(drive.turn_rad))
+        if until_estop:
+            self._keep_estop(driven)
+        elif drive.turn_rad:
+            self._found.turns.append(motion)
+        else:
+            self._there_m = motion.odometry
+            self._found.straights.append(motion)
+            if (
+                drive.way_m > 0.0 and drive.speed > plan.SLOW_M_S
+            ):  # the slow drives are too short, and not all toward the wall
+                self._found.driven.append(driven)
+
+    def _keep_estop(self, driven: Driven) -> None:
+        if not driven.is_stopped:
+            raise SurpriseError("no e-stop was heard while the robot drove")
+        still_s = (
+            one.at_s
+            for one in driven.trace.odometry
+            if one.at_s > driven.stopped_s and abs(one.linear_m_s) < STILL_M_S
         )
-        self._found.estop_s = next(still, math.nan) - zero_s
+        self._found.estop_s = next(still_s, math.nan) - driven.stopped_s
         self._say("the e-stop stopped the robot; reset it with r in teleop")
 
-    def _keep(self, drive: plan.Drive, driven: Driven) -> None:
-        if drive.turn_rad:
-            self._found.turns.append(driven.turn())
-            return
-        self._found.straights.append(driven.straight())
-        if (
-            drive.way_m > 0.0 and drive.speed > plan.SLOW_M_S
-        ):  # the slow drives are too short, and not all toward the wall
-            self._found.driven.append(driven)
-            self._found.commanded.append(drive.speed)
-
-    async def _check_direction(self) -> None:
-        answer = await self._driver.ask("Did the robot drive ahead, toward the wall? Type ahead or back.")
-        if answer not in {"ahead", "back"}:
-            raise AbortedError("the answer must be ahead or back")
-        mistakes = forward_mistakes(self._found.straights[-1], seen_ahead=answer == "ahead")
-        if mistakes:
-            raise AbortedError("; ".join(sorted(mistakes)))
-
-    async def _check_turn(self) -> None:
-        answer = await self._driver.ask("Which way did the robot turn, seen from above? Type left or right.")
-        if answer not in {"left", "right"}:
-            raise AbortedError("the answer must be left or right")
-        mistakes = turn_mistakes(self._found.turns[-1], seen_left=answer == "left")
-        if mistakes:
-            raise AbortedError("; ".join(sorted(mistakes)))
+    async def _seen(self, question: str, as_commanded: str, other: str) -> bool:
+        """Ask which way the robot moved; return whether as commanded."""
+        while True:
+            answer = await self._driver.ask(f"{question} Type {as_commanded} or {other}.")
+            if answer in {as_commanded, other}:
+                return answer == as_commanded
 
     # --- the result
 
@@ -275,14 +268,23 @@ class Conductor:
         found = results(self._found, self._lidar)
         for line in report(found, self._found, self._config):
             self._say(line)
-        await self._confirm(f"Type write to write [measured] into {self._file}.", "write")
-        try:
-            today = dt.datetime.now(tz=dt.UTC).date().isoformat()
-            text = with_results(read_text(self._file), found, date=today, version=version("lifeline"))
-            replace_file(self._file, text)
-        except (OSError, TableError) as error:
-            raise DeployError(f"{self._file}: {error}") from error
+        today = dt.datetime.now(tz=dt.UTC).date().isoformat()
+        while True:
+            await self._confirm(f"Type write to write [measured] into {self._file}.", "write")
+            try:
+                text = with_results(read_text(self._file), found, date=today, version=version("lifeline"))
+                replace_file(self._file, text)
+            except (OSError, ForeignError, TableError) as error:
+                self._say(f"{self._file}: {error}. Correct it, and try again")
+            else:
+                break
         self._say(f"written. `lifeline check {self._file}` compares it with the configuration")
+
+
+def _end_at(mistakes: Collection[Mistake]) -> None:
+    """Raise AbortedError if there is a mistake."""
+    if mistakes:
+        raise AbortedError("; ".join(sorted(mistakes)))
 
 
 def replace_file(file: Path, text: str) -> None:

@@ -49,7 +49,7 @@ def stop_of(
     Args:
         stopped_s: when zero was commanded.
         rest_s: when the robot had been at rest for `REST_S`.
-        odometry: (n, 3) arrival [s], way toward the wall [m], speed toward it [m/s].
+        odometry: (n, 3) arrival [s], way toward the wall by the poses [m], speed toward it by the velocities [m/s].
         walls: (m, 2) arrival [s], distance [m].
         scale: the true way per way of odometry.
         latency_s: latency of the scans.
@@ -62,12 +62,13 @@ def stop_of(
     walls_after = (seen_s > rest_s - REST_S) & (seen_s <= rest_s)
     if min(len(before), len(after)) < 2 or not walls_before.any() or not walls_after.any():
         return None
-    speed_m_s = scale * float(before[:, 2].mean())
-    if speed_m_s < LEAST_SPEED_M_S or scale * float(np.ptp(before[:, 2])) > 2 * UNSTEADY_SHARE * speed_m_s:
+    # By the poses: their scale is known, that of the velocities is not.
+    line: Floats = np.polyfit(before[:, 0] - stopped_s, before[:, 1], 1)
+    speed_m_s, driven_m = scale * float(line[0]), float(line[1])
+    if speed_m_s < LEAST_SPEED_M_S or np.ptp(before[:, 2]) > 2 * UNSTEADY_SHARE * abs(before[:, 2].mean()):
         return None
     # At a steady speed, each earlier sample shows where the robot was when zero was commanded.
     then_m = float(np.mean(walls[walls_before, 1] - speed_m_s * (stopped_s - seen_s[walls_before])))
-    driven_m = float(np.mean(before[:, 1] + before[:, 2] * (stopped_s - before[:, 0])))
     way_m = then_m - float(walls[walls_after, 1].mean())
     return Stop(speed_m_s, way_m, scale * (float(after[:, 1].mean()) - driven_m))
 

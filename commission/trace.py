@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from commission.estimate import Floats
-from commission.mounting import Straight, Turn
+from commission.mounting import Motion
 from commission.wall import Wall, follow, nearest_wall
 from supervisor.law.scan import Geometry, LaserScan, Mount
-from teleop.path.course import Pose, wrap
+from teleop.path.course import Pose, seen_from, wrap
 
 MAX_SAMPLES = 60_000
 """Twenty minutes of odometry at 50 Hz; older samples are dropped."""
@@ -40,12 +40,7 @@ class Command(NamedTuple):
     """A command of the supervisor to the base."""
 
     at_s: float
-    linear_m_s: float
-    angular_rad_s: float
-
-    @property
-    def is_zero(self) -> bool:
-        return self.linear_m_s == 0.0 and self.angular_rad_s == 0.0
+    is_zero: bool
 
 
 class Trace:
@@ -132,11 +127,7 @@ class Trace:
 
     def toward(self, start: Pose) -> Floats:
         """Return odometry (n, 3): arrival [s], way ahead since a pose [m], speed [m/s]."""
-        cos, sin = math.cos(start.yaw_rad), math.sin(start.yaw_rad)
-        rows = [
-            (one.at_s, cos * (one.pose.x_m - start.x_m) + sin * (one.pose.y_m - start.y_m), one.linear_m_s)
-            for one in self.odometry
-        ]
+        rows = [(one.at_s, ahead_m(start, one.pose), one.linear_m_s) for one in self.odometry]
         return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
     def walls(self) -> Floats:
@@ -151,27 +142,25 @@ class Driven(NamedTuple):
     trace: Trace
     """From before the start to the rest."""
     start: Pose
-    end: Pose
+    speed: float
+    """The commanded speed, in m/s or rad/s; positive."""
     before: Wall
     after: Wall
-    started_s: float
     stopped_s: float
     """When the supervisor commanded zero to the base."""
     rest_s: float
+    is_stopped: bool
+    """Whether a stop of the supervisor ended it that was expected."""
 
-    @property
-    def way_m(self) -> float:
-        """Way ahead by odometry."""
-        return ahead_m(self.start, self.end)
-
-    def straight(self) -> Straight:
-        return Straight(self.way_m, self.before, self.after)
-
-    def turn(self) -> Turn:
-        return Turn(wrap(self.end.yaw_rad - self.start.yaw_rad), self.before, self.after)
+    def motion(self, *, is_turn: bool) -> Motion:
+        odometry = self.trace.odometry
+        end = odometry[-1].pose
+        change = wrap(end.yaw_rad - self.start.yaw_rad) if is_turn else ahead_m(self.start, end)
+        speeds = [one.angular_rad_s if is_turn else one.linear_m_s for one in odometry]
+        by_speed = float(np.trapezoid(speeds, [one.at_s for one in odometry]))
+        return Motion(change, by_speed, self.before, self.after)
 
 
 def ahead_m(start: Pose, end: Pose) -> float:
     """Return the way ahead from one pose to another, along the heading of the first."""
-    cos, sin = math.cos(start.yaw_rad), math.sin(start.yaw_rad)
-    return cos * (end.x_m - start.x_m) + sin * (end.y_m - start.y_m)
+    return float(seen_from(np.array([end]), start)[0, 0])

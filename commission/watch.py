@@ -60,13 +60,16 @@ class Watch:
         done = abs(self._done(odom))
         return f"{math.degrees(done):.0f}°" if self._drive.turn_rad else f"{done:.2f} m"
 
-    def is_too_near(self, gap_m: float) -> bool:
-        return gap_m < self._least_m
+    def too_near(self, gap_m: float) -> str | None:
+        """Return a text if the robot is closer to the wall than planned; else None."""
+        if gap_m >= self._least_m:
+            return None
+        return f"it comes closer to the wall than planned: {gap_m:.2f} m from the hull"
 
     def surprise(self, now_s: float, odom: Odom, wall: Wall, gap_m: float) -> str | None:
         """Return what is unexpected; None if nothing is."""
-        if self.is_too_near(gap_m):
-            return f"it comes closer to the wall than planned: {gap_m:.2f} m from the hull"
+        if (near := self.too_near(gap_m)) is not None:
+            return near
         if now_s > self._latest_s:
             return f"it takes longer than planned: {self.progress(odom)} in {now_s - self._started_s:.0f} s"
         done, is_turn = self._done(odom), bool(self._drive.turn_rad)
@@ -87,7 +90,5 @@ class Watch:
                     else "the robot does not move: check its e-stop and its drives"
                 )
             if not by_wall:
-                return (
-                    "odometry shows a motion, and the wall does not: the wheels slip, or the lidar is frozen"
-                )
+                return "odometry shows a motion, and the wall does not: the wheels slip, or the lidar is frozen or looks elsewhere"
         return None

@@ -3,7 +3,6 @@
 The law does not read it. `lifeline check` compares it with what is configured.
 """
 
-from collections.abc import Iterator
 from typing import Annotated
 
 from pydantic import Field
@@ -14,18 +13,23 @@ Text = Annotated[str, Field(max_length=200)]
 MAX_LIDARS = 4
 
 
-class MeasuredValue(Section):
-    """One measured number."""
+class MeasuredTrial(Section):
+    """One number, without an interval."""
 
     value: Annotated[float, Between(-1000.0, 1000.0)]
-    limit: Annotated[float, Between(-1000.0, 1000.0)]
-    """The end of the 95 % interval on the unsafe side."""
     n: Annotated[int, Between(1, 10_000_000)]
     """Number of measurements."""
     date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
     version: Text
     """Version of Lifeline that measured it."""
     how: Text
+
+
+class MeasuredValue(MeasuredTrial):
+    """One measured number with its interval."""
+
+    limit: Annotated[float, Between(-1000.0, 1000.0)]
+    """The end of the 95 % interval on the unsafe side."""
 
 
 class MeasuredLidar(Section):
@@ -50,17 +54,7 @@ class MeasuredSection(Section):
     """The true turn per turn of odometry."""
     base_timeout_s: MeasuredValue | None = None
     """How long the base drives on without a command; written by hand, from `lifeline ros2 check-base`."""
-    estop_s: MeasuredValue | None = None
-    """Time from an e-stop to the standstill."""
+    estop_s: MeasuredTrial | None = None
+    """Time from the first zero command to the standstill, of the e-stop that was tried."""
     lidars: dict[Name, MeasuredLidar] = Field(default={}, max_length=MAX_LIDARS)
     """By the name of the lidar."""
-
-    def values(self) -> Iterator[tuple[str, MeasuredValue]]:
-        """Yield the path and the value of every number."""
-        for key in type(self).model_fields:
-            if isinstance(value := getattr(self, key), MeasuredValue):
-                yield key, value
-        for name, lidar in self.lidars.items():
-            for key in type(lidar).model_fields:
-                if isinstance(value := getattr(lidar, key), MeasuredValue):
-                    yield f"lidars.{name}.{key}", value

@@ -58,6 +58,7 @@ class ScriptedPerson:
     answers: Mapping[str, str]
     said: list[str] = field(default_factory=list[str])
     typed: str = ""
+    is_asked: bool = False
     has_ended: bool = False
 
     def say(self, sentence: str) -> None:
@@ -66,13 +67,12 @@ class ScriptedPerson:
     def show(self, line: str) -> None:
         pass
 
-    def echo(self, text: str, *, ends: bool = False) -> None:
-        if text or ends:
-            return
-        answer = next((answer for words, answer in self.answers.items() if words in self.said[-1]), "end")
-        self.typed += f"{answer}\r"
+    def expect(self, *, line: bool) -> None:
+        self.typed, self.is_asked = "", line
 
     def take(self) -> str:
+        if self.is_asked:
+            return next((answer for words, answer in self.answers.items() if words in self.said[-1]), "end")
         typed, self.typed = self.typed, ""
         return typed
 
