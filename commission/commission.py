@@ -221,11 +221,9 @@ class Conductor:
         self._say(f"Step {step.name}, to measure {step.purpose}:")
         for text in dict.fromkeys(map(str, step.drives)):
             self._say(f"  {text}")
-        behind_m = step.needs_behind_m(self._base)
-        where = f"{step.needs_m(self._base):.1f} m ahead" + (
-            f" and {behind_m:.1f} m behind" if behind_m else ""
-        )
-        await self._confirm(f"Keep {where} of the hull free. Type go to drive, anything else to end.", "go")
+        ahead_m, behind_m = step.needs_m(self._base), step.needs_m(self._base, behind=True)
+        where = f"{ahead_m:.1f} m ahead of the hull and {behind_m:.1f} m behind it"
+        await self._confirm(f"Keep {where} free. Type go to drive, anything else to end.", "go")
 
     async def _drive(self, drive: plan.Drive, *, is_first: bool, until_estop: bool) -> None:
         driven = await self._driver.drive(

@@ -136,10 +136,12 @@ class Driver:
         """
         self._person.expect(line=True)
         self._person.say(question)
-        while not (typed := self._person.take()):
+        typed = ""
+        while not typed:
+            await self.beat()
+            typed = self._person.take()
             if self._person.has_ended:
                 raise AbortedError("the terminal was closed")
-            await self.beat()
         self._person.expect(line=False)
         return typed.strip().lower()
 
@@ -155,7 +157,7 @@ class Driver:
         for command in self._commands.take():
             if (twist := command.message) is not None:
                 is_zero = twist.linear.x == 0.0 and twist.angular.z == 0.0
-                self.trace.add_command(Command(command.arrival_s, is_zero))
+                self.trace.commands.append(Command(command.arrival_s, is_zero))
         for arrival in self._scans.take():
             scan = to_scan(arrival, 0.0)
             if scan is not None and len(scan.ranges) > 0:
@@ -167,7 +169,7 @@ class Driver:
     def _hear_odometry(self, message: Odometry, arrival_s: float) -> None:
         pose, twist = Pose.of(message), message.twist.twist
         if pose.is_finite and math.isfinite(twist.linear.x) and math.isfinite(twist.angular.z):
-            self.trace.add_odometry(Odom(arrival_s, pose, twist.linear.x, twist.angular.z))
+            self.trace.odometry.append(Odom(arrival_s, pose, twist.linear.x, twist.angular.z))
 
     def _hear_status(self, status: SafetyStatus, arrival_s: float) -> str | None:
         self._status, self._status_s = status, arrival_s

@@ -93,22 +93,14 @@ class Step(NamedTuple):
     is_needed: bool = True
     """Whether the next steps need its result."""
 
-    def needs_m(self, base: Base) -> float:
-        """Return the free way toward the wall that the step needs."""
+    def needs_m(self, base: Base, *, behind: bool = False) -> float:
+        """Return the free distance that the step needs toward the wall, or behind the robot."""
+        sign = -1.0 if behind else 1.0
         at_m = most_m = 0.0
         for drive in self.drives:
-            if drive.way_m >= 0.0:
-                most_m = max(most_m, at_m + drive.needs_m(base))
-            at_m += drive.way_m  # turns shorten the way toward the wall, never lengthen it
-        return most_m
-
-    def needs_behind_m(self, base: Base) -> float:
-        """Return the free way behind the robot that the step needs."""
-        at_m = most_m = 0.0
-        for drive in self.drives:
-            at_m += drive.way_m
-            if drive.way_m < 0.0:
-                most_m = max(most_m, -at_m + base.stop_m(drive.speed) + MARGIN_M)
+            if sign * drive.way_m >= 0.0:
+                most_m = max(most_m, sign * at_m + drive.needs_m(base))
+            at_m += drive.way_m  # a turn shortens the distance toward the wall, and never lengthens it
         return most_m
 
 

@@ -1,6 +1,7 @@
 """What was heard during the drives: odometry, scans, the wall in them, and the supervisor's commands."""
 
 import math
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -52,19 +53,11 @@ class Trace:
 
     def __init__(self, mount: Mount) -> None:
         self._mount = mount
-        self.odometry: list[Odom] = []
-        self.scans: list[Scan] = []
-        self.commands: list[Command] = []
+        self.odometry = deque[Odom](maxlen=MAX_SAMPLES)
+        self.scans = deque[Scan](maxlen=MAX_SAMPLES)
+        self.commands = deque[Command](maxlen=MAX_SAMPLES)
         self._wall: tuple[float, float, Wall] | None = None
         """When the wall was seen last, the yaw by odometry at this time, and the wall."""
-
-    def add_odometry(self, odom: Odom) -> None:
-        self.odometry.append(odom)
-        del self.odometry[:-MAX_SAMPLES]
-
-    def add_command(self, command: Command) -> None:
-        self.commands.append(command)
-        del self.commands[:-MAX_SAMPLES]
 
     def add_scan(self, scan: LaserScan) -> None:
         """Add a scan, and follow the wall in it."""
@@ -86,7 +79,6 @@ class Trace:
         if wall is not None:
             self._wall = (at_s, yaw_rad, wall)
         self.scans.append(Scan(at_s, ranges, wall))
-        del self.scans[:-MAX_SAMPLES]
 
     def forget_wall(self) -> None:
         """Choose the nearest wall anew in the next scan."""
@@ -101,9 +93,9 @@ class Trace:
     def between(self, from_s: float, to_s: float) -> "Trace":
         """Return the samples of a time."""
         part = Trace(self._mount)
-        part.odometry = [one for one in self.odometry if from_s <= one.at_s <= to_s]
-        part.scans = [one for one in self.scans if from_s <= one.at_s <= to_s]
-        part.commands = [one for one in self.commands if from_s <= one.at_s <= to_s]
+        part.odometry.extend(one for one in self.odometry if from_s <= one.at_s <= to_s)
+        part.scans.extend(one for one in self.scans if from_s <= one.at_s <= to_s)
+        part.commands.extend(one for one in self.commands if from_s <= one.at_s <= to_s)
         return part
 
     def mean_wall(self) -> Wall | None:

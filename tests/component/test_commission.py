@@ -11,16 +11,20 @@ from typing import Any
 
 import pytest
 
+from commission import plan
 from commission.commission import EXIT_ABORTED, Conductor
+from commission.mounting import Mistake
+from sim import service
 from sim.config import SimSection
 from sim.lidar_config import SimLidarSection
-from sim.motion_sensors import EncoderConfig
+from sim.messages import to_odometry
+from sim.motion_sensors import EncoderConfig, Reckoning
 from sim.plant import Plant
 from sim.service import SimService
 from supervisor.config import LidarSection, SupervisorSection
 from tests.component.rig import Rig
 from wire import topics
-from wire.messages import Bool, Point
+from wire.messages import Bool, Odometry, Point
 
 HALL = "[hall]\nsize_m = [12.0, 10.0]\n\n[start]\nx_m = {x_m}\n"
 """The wall is at x = 6 m, ahead of the robot, and all others are farther away."""
@@ -245,6 +249,74 @@ async def test_a_key_ends_a_drive_at_once_and_the_person_may_repeat_the_step(tmp
         assert any("step ahead: a key was pressed" in said for said in drive.person.said)
         drive.stop.set()
         await running
+
+
+async def test_a_key_between_two_drives_of_a_step_keeps_the_robot_at_rest(tmp_path: Path) -> None:
+    async with first_drive(tmp_path, SIM, CONFIG) as drive:
+        running = asyncio.create_task(drive.run())
+        while not any("Step headings" in said for said in drive.person.said):
+            await drive.rig.pass_time(0.1)
+        while drive.plant.true_velocity.linear_m_s < 0.05:
+            await drive.rig.pass_time(0.05)
+        while drive.plant.true_velocity.linear_m_s > 0.005:
+            await drive.rig.pass_time(0.05)
+        drive.person.typed = "x"
+        assert await running == EXIT_ABORTED
+        assert "a key was pressed" in drive.person.said[-1]
+        assert drive.plant.true_velocity.linear_m_s == pytest.approx(0.0, abs=0.005)
+
+
+@pytest.fixture
+def only_estop(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the headings and the stops."""
+    monkeypatch.setattr(plan, "HEADINGS", plan.Step("headings", "nothing", ()))
+    monkeypatch.setattr(plan, "STOP_SPEEDS_M_S", ())
+
+
+@pytest.mark.usefixtures("only_estop")
+async def test_an_estop_after_the_drive_does_not_count(tmp_path: Path) -> None:
+    answers = {**ANSWERS, "skip to leave it out": "skip"}
+    async with first_drive(tmp_path, SIM, CONFIG, answers) as drive:
+        running = asyncio.create_task(drive.run())
+        while not any("Step e-stop" in said for said in drive.person.said):
+            await drive.rig.pass_time(0.1)
+        while drive.plant.true_velocity.linear_m_s < 0.05:
+            await drive.rig.pass_time(0.05)
+        while drive.plant.true_velocity.linear_m_s > 0.005:
+            await drive.rig.pass_time(0.05)
+        drive.rig.outsider.publisher(topics.ESTOP).put(Bool(data=True))
+        assert await running == 0
+        assert any("no e-stop was heard" in said for said in drive.person.said)
+    assert "estop_s" not in drive.measured
+
+
+@pytest.mark.usefixtures("only_estop")
+async def test_a_file_that_became_unusable_during_the_drives_may_be_corrected_and_written(
+    tmp_path: Path,
+) -> None:
+    answers = {**ANSWERS, "skip to leave it out": "skip"}
+    async with first_drive(tmp_path, SIM, CONFIG, answers) as drive:
+        drive.file.write_text("measured = {}\n")
+        running = asyncio.create_task(drive.run())
+        while not any("Correct it, and try again" in said for said in drive.person.said):
+            await drive.rig.pass_time(0.02)
+        drive.file.write_text("[measured]\n")
+        assert await running == 0
+    assert drive.value("lidars", "lidar", "noise_m") == pytest.approx(0.004, rel=0.05)
+
+
+async def test_odometry_whose_velocity_is_not_that_of_its_poses_ends_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def too_fast(reckoning: Reckoning) -> Odometry:
+        message = to_odometry(reckoning)
+        message.twist.twist.linear.x *= 1.2
+        return message
+
+    monkeypatch.setattr(service, "to_odometry", too_fast)
+    async with first_drive(tmp_path, SIM, CONFIG) as drive:
+        assert await drive.run() == EXIT_ABORTED
+        assert Mistake.ODOMETRY_SPEED in drive.person.said[-1]
 
 
 async def test_a_person_who_does_not_confirm_ends_it_before_the_robot_moves(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ def test_the_wall_is_followed_through_a_turn_also_of_a_mirrored_lidar() -> None:
         yaw_rad = at_s = 0.0
         for step in range(40):
             yaw_rad, at_s = 0.015 * step, 0.05 * step
-            trace.add_odometry(Odom(at_s, Pose(0.0, 0.0, yaw_rad), 0.0, 0.3))
+            trace.odometry.append(Odom(at_s, Pose(0.0, 0.0, yaw_rad), 0.0, 0.3))
             trace.add_scan(scan(lidar, LawPose(1.0, 0.0, yaw_rad), at_s))
         wall = trace.wall(at_s)
         assert wall is not None
@@ -83,7 +83,7 @@ def test_a_scan_of_very_many_beams_is_read_too() -> None:
 
 def test_the_way_ahead_is_along_the_heading_at_the_start() -> None:
     trace = Trace(Mount())
-    trace.add_odometry(Odom(1.0, Pose(1.0, 2.5, 0.0), 0.2, 0.0))
+    trace.odometry.append(Odom(1.0, Pose(1.0, 2.5, 0.0), 0.2, 0.0))
     assert trace.toward(START).tolist() == [[1.0, pytest.approx(0.5), 0.2]]
 
 
