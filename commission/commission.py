@@ -39,7 +39,7 @@ REST_S = 3.0
 NO_WALL = "no flat wall of at least 1 m is seen: move the robot, or choose another wall"
 OTHER_WAY = ". If the robot moved the other way, correct the sign in its driver or its wiring"
 FIND_S = 0.5
-"""How long the lidar is heard before a wall must have been found."""
+"""Time in which the lidar must show a wall."""
 
 
 def commission(file: Path, launch: Launch, source: str, lidar_name: str | None) -> NoReturn:
@@ -84,7 +84,7 @@ def commission(file: Path, launch: Launch, source: str, lidar_name: str | None) 
 
 
 class Conductor:
-    """Goes through the steps with one person."""
+    """Conducts the steps with one person."""
 
     def __init__(
         self,
@@ -99,7 +99,7 @@ class Conductor:
         self._say = person.say
         self._found = Findings()
         self._there_m = 0.0
-        """Way of the last drive, by odometry."""
+        """Distance of the last straight drive, by odometry."""
         self._base = plan.Base(
             config.base_acceleration_m_s2,
             min(plan.POOR_DECELERATION_M_S2, config.deceleration_m_s2),
@@ -191,7 +191,8 @@ class Conductor:
         while True:
             problem = await self._problem(step)
             if problem is None:
-                await self._announce(step)
+                if not await self._choose(step, "go", f"{self._announced(step)} Type go to drive"):
+                    return False
                 try:
                     for drive in step.drives:
                         await self._drive(drive, is_first=is_first, until_estop=step is plan.ESTOP)
@@ -201,14 +202,25 @@ class Conductor:
                 else:
                     return True
             self._say(f"step {step.name}: {problem}")
-            skip = "" if step.is_needed else ", skip to leave it out"
-            answer = await self._driver.ask(
-                f"Place the robot with teleop if necessary. Type again for this step{skip}, anything else to end."
-            )
-            if answer == "skip" and not step.is_needed:
+            question = "Place the robot with teleop if necessary. Type again for this step"
+            if not await self._choose(step, "again", question, problem):
                 return False
-            if answer != "again":
-                raise AbortedError(problem)
+
+    async def _choose(
+        self, step: plan.Step, word: str, question: str, problem: str = "not confirmed"
+    ) -> bool:
+        """Return True for the word, and False for a step that is left out.
+
+        Raises:
+            AbortedError: the person ends the drives because of the problem.
+        """
+        skip = "" if step.is_needed else ", skip to leave it out"
+        answer = await self._driver.ask(f"{question}{skip}, anything else to end.")
+        if answer == word:
+            return True
+        if skip and answer == "skip":
+            return False
+        raise AbortedError(problem)
 
     async def _problem(self, step: plan.Step) -> str | None:
         """Return why a step cannot begin where the robot stands; None if it can."""
@@ -217,13 +229,14 @@ class Conductor:
             return NO_WALL
         return plan.problem(step, self._base, self._driver.gap_m(wall), self._driver.bearing_rad(wall))
 
-    async def _announce(self, step: plan.Step) -> None:
+    def _announced(self, step: plan.Step) -> str:
+        """Show the drives of a step; return which area must be free."""
         self._say(f"Step {step.name}, to measure {step.purpose}:")
         for text in dict.fromkeys(map(str, step.drives)):
             self._say(f"  {text}")
         ahead_m, behind_m = step.needs_m(self._base), step.needs_m(self._base, behind=True)
         where = f"{ahead_m:.1f} m ahead of the hull and {behind_m:.1f} m behind it"
-        await self._confirm(f"Keep {where} free. Type go to drive, anything else to end.", "go")
+        return f"Keep {where} free."
 
     async def _drive(self, drive: plan.Drive, *, is_first: bool, until_estop: bool) -> None:
         driven = await self._driver.drive(
@@ -254,7 +267,7 @@ class Conductor:
         self._say("the e-stop stopped the robot; reset it with r in teleop")
 
     async def _seen(self, question: str, as_commanded: str, other: str) -> bool:
-        """Ask which way the robot moved; return whether as commanded."""
+        """Ask for the direction of the last motion; return whether it was the commanded one."""
         while True:
             answer = await self._driver.ask(f"{question} Type {as_commanded} or {other}.")
             if answer in {as_commanded, other}:

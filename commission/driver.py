@@ -233,7 +233,7 @@ class Driver:
         Args:
             drive: the motion.
             base: what is assumed of the base.
-            is_first: whether it is unknown yet which way base, odometry and lidar go: no direction is a surprise.
+            is_first: whether the signs of base, odometry and lidar are still unknown: then no direction is a surprise.
             until_estop: whether an e-stop is expected.
 
         Raises:

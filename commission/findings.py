@@ -1,4 +1,4 @@
-"""What the drives have shown, and the results for `[measured]` with their report."""
+"""Collects what the drives show, and computes the results for `[measured]` and their report."""
 
 import math
 from dataclasses import dataclass, field
@@ -38,7 +38,7 @@ class Findings:
         """Return the stops, measured at the wall.
 
         Args:
-            scale: the true way per way of odometry.
+            scale: true distance divided by distance of odometry.
             latency_s: of the scans.
             yaw_rad: of the lidar.
         """

@@ -1,10 +1,10 @@
-"""Which way a lidar looks, and the scale and the signs of odometry, from straight drives and turns before a wall.
+"""Computes the yaw of a lidar, and the scale and the signs of odometry, from straight drives and turns before a wall.
 
-When the base drives the way s by odometry, the distance of a wall at the bearing φ from the lidar changes by
+When the base drives the distance s by odometry, the distance of a wall at the bearing φ from the lidar changes by
 
     Δd = -k · s · cos(φ - ψ)
 
-with the scale k (the true way per way of odometry) and the direction ψ of the base's x axis in the lidar's frame. The yaw of the
+with the scale k (true distance divided by distance of odometry) and the direction ψ of the base's x axis in the lidar's frame. The yaw of the
 mount is -ψ. Drives at two headings determine both. When the base turns, the bearing of the wall changes by the opposite angle; of
 a mirrored lidar, by the same.
 
@@ -37,7 +37,7 @@ class Motion(NamedTuple):
     """A straight drive or a turn on the spot, from rest to rest."""
 
     odometry: float
-    """The way ahead [m] or the turn counter-clockwise [rad], by the poses of odometry."""
+    """The distance ahead [m] or the turn counter-clockwise [rad], by the poses of odometry."""
     by_speed: float
     """The same by the integral of odometry's velocity."""
     before: Wall
@@ -69,7 +69,7 @@ class Heading(NamedTuple):
     yaw_rad: Estimate
     """Direction of the lidar's x axis in the base frame."""
     scale: Estimate
-    """The true way per way of odometry."""
+    """True distance divided by distance of odometry."""
 
 
 def heading(straights: Sequence[Motion]) -> Heading:
@@ -96,7 +96,7 @@ def heading(straights: Sequence[Motion]) -> Heading:
 
 
 def turn_scale(turns: Sequence[Motion]) -> Estimate:
-    """Return the true turn per turn of odometry; negative if lidar and odometry disagree on the direction."""
+    """Return the true turn divided by the turn of odometry; negative if lidar and odometry disagree on the direction."""
     turned = [one for one in turns if abs(one.odometry) >= LEAST_RAD]
     return of_repeats([-turn_between(one.before, one.after) / one.odometry for one in turned])
 

@@ -4,7 +4,7 @@ A base that keeps its speed v for the dead time D, and then brakes with a, drive
 
     x / v = D + v / 2a
 
-is a line through the stops. The way x is measured at the wall, so that it contains what slipping wheels do not show in odometry.
+is a line through the stops. The distance x is measured at the wall, so it includes the slip of the wheels, which odometry hides.
 """
 
 import math
@@ -30,7 +30,7 @@ class Stop(NamedTuple):
     speed_m_s: float
     """True speed when zero was commanded."""
     way_m: float
-    """Way from then to the standstill, by the wall."""
+    """Distance from then to the standstill, by the wall."""
     odometry_m: float
     """The same by odometry, corrected by its scale."""
 
@@ -51,7 +51,7 @@ def stop_of(
         rest_s: when the robot had been at rest for `REST_S`.
         odometry: (n, 3) arrival [s], way toward the wall by the poses [m], speed toward it by the velocities [m/s].
         walls: (m, 2) arrival [s], distance [m].
-        scale: the true way per way of odometry.
+        scale: true distance divided by distance of odometry.
         latency_s: latency of the scans.
     """
     at_s = odometry[:, 0]
@@ -79,7 +79,7 @@ class Brakes(NamedTuple):
     dead_time_s: Estimate
     deceleration_m_s2: Estimate
     slip: Estimate
-    """The part of the way of a stop that odometry does not show, as a share."""
+    """Share of the stopping distance that odometry does not show."""
 
 
 def brakes(stops: Sequence[Stop]) -> Brakes:

@@ -11,7 +11,7 @@ STEP_S = 0.005
 DELAYS_S = np.arange(-0.1, 0.5, STEP_S)
 """The latencies that are tried, up to the longest that can be configured."""
 LEAST_BEND_M = 0.02
-"""A way that is nearer to a straight line over time does not show a latency."""
+"""A motion whose distance over time is nearer to a straight line does not show a latency."""
 
 
 def noise(ranges_m: Floats) -> Estimate:
@@ -49,7 +49,8 @@ def latency(scans_s: Floats, distances_m: Floats, odometry_s: Floats, ways_m: Fl
     """
     if min(len(scans_s), len(odometry_s)) < LEAST_SCANS:
         return math.nan
-    line = np.polyval(np.polyfit(odometry_s, ways_m, 1), odometry_s)
+    since_s = odometry_s - odometry_s[0]
+    line = np.polyval(np.polyfit(since_s, ways_m, 1), since_s)
     if np.ptp(ways_m - line) < LEAST_BEND_M:
         return math.nan
 

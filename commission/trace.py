@@ -1,4 +1,4 @@
-"""What was heard during the drives: odometry, scans, the wall in them, and the supervisor's commands."""
+"""Records the drives: odometry, scans, the wall in them, and the supervisor's commands."""
 
 import math
 from collections import deque
@@ -118,7 +118,7 @@ class Trace:
         return np.array([scan.ranges_m for scan in self.scans if len(scan.ranges_m) == beams])
 
     def toward(self, start: Pose) -> Floats:
-        """Return odometry (n, 3): arrival [s], way ahead since a pose [m], speed [m/s]."""
+        """Return odometry (n, 3): arrival [s], distance ahead of a pose [m], speed [m/s]."""
         rows = [(one.at_s, ahead_m(start, one.pose), one.linear_m_s) for one in self.odometry]
         return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
@@ -129,7 +129,7 @@ class Trace:
 
 
 class Driven(NamedTuple):
-    """A drive that was driven from rest to rest."""
+    """The samples of one drive, from rest to rest."""
 
     trace: Trace
     """From before the start to the rest."""
@@ -142,7 +142,7 @@ class Driven(NamedTuple):
     """When the supervisor commanded zero to the base."""
     rest_s: float
     is_stopped: bool
-    """Whether a stop of the supervisor ended it that was expected."""
+    """Whether an expected stop of the supervisor ended it."""
 
     def motion(self, *, is_turn: bool) -> Motion:
         odometry = self.trace.odometry
@@ -154,5 +154,5 @@ class Driven(NamedTuple):
 
 
 def ahead_m(start: Pose, end: Pose) -> float:
-    """Return the way ahead from one pose to another, along the heading of the first."""
+    """Return the distance from one pose to another, along the heading of the first."""
     return float(seen_from(np.array([end]), start)[0, 0])

@@ -1,4 +1,4 @@
-"""What is expected of one drive of the first drive, and what is a surprise. Pure."""
+"""Compares one drive with its plan, and reports what is unexpected. Pure."""
 
 import math
 
@@ -20,7 +20,7 @@ OVERTIME_SHARE, OVERTIME_S = 2.0, 3.0
 
 
 class Watch:
-    """What is expected of one drive, and what would be a surprise."""
+    """Compares one drive with its plan."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class Watch:
         self._latest_s = started_s + OVERTIME_SHARE * drive.lasts_s + OVERTIME_S
 
     def _done(self, odom: Odom) -> float:
-        """Return the way or the turn in the commanded direction, by odometry."""
+        """Return the distance or the turn in the commanded direction, by odometry."""
         if self._drive.turn_rad:
             return wrap(odom.pose.yaw_rad - self._start.yaw_rad) * math.copysign(1.0, self._drive.turn_rad)
         return ahead_m(self._start, odom.pose) * math.copysign(1.0, self._drive.way_m)

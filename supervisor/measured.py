@@ -1,6 +1,6 @@
-"""The section `[measured]` of robot.toml: what the first drive of the robot has shown. `lifeline commission` writes it.
+"""The section `[measured]` of robot.toml: the results of the first drive, written by `lifeline commission`.
 
-The law does not read it. `lifeline check` compares it with what is configured.
+The law does not read it. `lifeline check` compares it with the configuration.
 """
 
 from typing import Annotated
@@ -47,13 +47,13 @@ class MeasuredSection(Section):
     deceleration_m_s2: MeasuredValue | None = None
     dead_time_s: MeasuredValue | None = None
     slip: MeasuredValue | None = None
-    """Share of a stop's way that odometry does not show."""
+    """Share of the stopping distance that odometry does not show."""
     odometry_scale: MeasuredValue | None = None
-    """The true way per way of odometry."""
+    """True distance divided by distance of odometry."""
     turn_scale: MeasuredValue | None = None
-    """The true turn per turn of odometry."""
+    """True turn divided by turn of odometry."""
     base_timeout_s: MeasuredValue | None = None
-    """How long the base drives on without a command; written by hand, from `lifeline ros2 check-base`."""
+    """How long the base continues without a command; written by hand, from `lifeline ros2 check-base`."""
     estop_s: MeasuredTrial | None = None
     """Time from the first zero command to the standstill, of the e-stop that was tried."""
     lidars: dict[Name, MeasuredLidar] = Field(default={}, max_length=MAX_LIDARS)

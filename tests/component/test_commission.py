@@ -266,6 +266,16 @@ async def test_a_key_between_two_drives_of_a_step_keeps_the_robot_at_rest(tmp_pa
         assert drive.plant.true_velocity.linear_m_s == pytest.approx(0.0, abs=0.005)
 
 
+async def test_when_the_supervisor_falls_silent_the_person_must_switch_the_robot_off(tmp_path: Path) -> None:
+    async with first_drive(tmp_path, SIM, CONFIG) as drive:
+        running = asyncio.create_task(drive.run())
+        while drive.plant.true_velocity.linear_m_s < 0.05:
+            await drive.rig.pass_time(0.05)
+        drive.rig.network.cut("path")
+        assert await running == EXIT_ABORTED
+        assert "the supervisor is silent: if the robot moves, switch it off" in drive.person.said[-1]
+
+
 @pytest.fixture
 def only_estop(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the headings and the stops."""
