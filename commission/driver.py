@@ -27,6 +27,8 @@ from wire.standstill import is_still
 RATE_HZ = 20.0
 DEPTH = 256
 STATUS_SILENT_S = 0.5
+HUB_SILENT_S = 0.2
+"""A status older than this counts as missing if another stream is silent."""
 ODOM_SILENT_S = 0.3
 SCAN_SILENT_S = 0.6
 ARM_LIMIT_S = 5.0
@@ -194,17 +196,16 @@ class Driver:
 
     def silent(self) -> str | None:
         """Return a text about a required stream that is silent; None if there is none."""
-        now_s = self.now_s
+        now_s, status_s = self.now_s, self.now_s - self._status_s
         odom_s = self.trace.odometry[-1].at_s if self.trace.odometry else -math.inf
-        scan_limit_s = max(SCAN_SILENT_S, self._lidar.timeout_s or 0.0)
-        for text, heard_s, limit_s in (
-            ("the supervisor is silent: if the robot moves, switch it off", self._status_s, STATUS_SILENT_S),
-            ("odometry is silent", odom_s, ODOM_SILENT_S),
-            (f"the lidar {self._lidar.name} is silent", self._scan_s, scan_limit_s),
-        ):
-            if now_s - heard_s > limit_s:
-                return text
-        return None
+        no_odom = now_s - odom_s > ODOM_SILENT_S
+        no_scan = now_s - self._scan_s > max(SCAN_SILENT_S, self._lidar.timeout_s or 0.0)
+        # All streams end with the supervisor, because it is the hub.
+        if status_s > (HUB_SILENT_S if no_odom or no_scan else STATUS_SILENT_S):
+            return "the supervisor is silent: if the robot moves, switch it off"
+        if no_odom:
+            return "odometry is silent"
+        return f"the lidar {self._lidar.name} is silent" if no_scan else None
 
     # --- driving
 

@@ -27,8 +27,6 @@ from commission.wall import Wall
 LEAST_M = 0.1
 LEAST_RAD = 0.3
 """A shorter drive or turn is not judged."""
-LEAST_SPREAD_RAD = 0.3
-"""With all walls at nearly the same bearing, straight drives do not show the yaw."""
 SPEED_SHARE = 0.1
 """How much the integral of odometry's velocity may differ from the change of its pose."""
 
@@ -73,17 +71,11 @@ class Heading(NamedTuple):
 
 
 def heading(straights: Sequence[Motion]) -> Heading:
-    """Return the yaw of the lidar and the scale of odometry, from at least three straight drives.
-
-    With all drives at one heading, the yaw stays unknown, and the scale is that of drives toward the wall.
-    """
+    """Return the yaw of the lidar and the scale of odometry, from at least three straight drives at two headings."""
     driven = [one for one in straights if abs(one.odometry) >= LEAST_M]
     if not driven:
         return Heading(UNKNOWN, UNKNOWN)
     bearings = np.array([one.bearing_rad for one in driven])
-    spread_rad = max(abs(math.remainder(b - bearings[0], math.tau)) for b in bearings.tolist())
-    if spread_rad < LEAST_SPREAD_RAD:
-        return Heading(UNKNOWN, of_repeats([one.nearer_m / one.odometry for one in driven]))
     ways = np.array([one.odometry for one in driven])
     design = np.stack((ways * np.cos(bearings), ways * np.sin(bearings)), axis=1)
     fit = least_squares(design, np.array([one.nearer_m for one in driven]))

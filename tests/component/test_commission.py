@@ -3,7 +3,7 @@
 import asyncio
 import tomllib
 from collections import deque
-from collections.abc import AsyncGenerator, Mapping
+from collections.abc import AsyncGenerator, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -96,6 +96,13 @@ class FirstDrive:
         return await self.conductor.run(self.stop)
 
     @property
+    def speed_m_s(self) -> float:
+        return self.plant.true_velocity.linear_m_s
+
+    def has_said(self, words: str) -> bool:
+        return any(words in said for said in self.person.said)
+
+    @property
     def measured(self) -> dict[str, Any]:
         return tomllib.loads(self.file.read_text())["measured"]
 
@@ -133,6 +140,13 @@ async def first_drive(
         finally:
             stop.set()
             await serving
+
+
+async def until(drive: FirstDrive, running: asyncio.Task[int], holds: Callable[[], bool]) -> None:
+    """Let time pass until something holds; the command must not end before."""
+    while not holds():
+        assert not running.done(), drive.person.said
+        await drive.rig.pass_time(0.05)
 
 
 SIM = SimSection(
@@ -239,14 +253,12 @@ async def test_a_key_ends_a_drive_at_once_and_the_person_may_repeat_the_step(tmp
     answers = {**ANSWERS, "Type again for this step": "again"}
     async with first_drive(tmp_path, SIM, CONFIG, answers) as drive:
         running = asyncio.create_task(drive.run())
-        while drive.plant.true_velocity.linear_m_s < 0.05:
-            await drive.rig.pass_time(0.05)
+        await until(drive, running, lambda: drive.speed_m_s > 0.05)
         drive.person.typed = "x"
         await drive.rig.pass_time(0.5)
         assert abs(drive.plant.true_velocity.linear_m_s) < 0.005
-        while not any("Step left" in said for said in drive.person.said):
-            await drive.rig.pass_time(0.1)
-        assert any("step ahead: a key was pressed" in said for said in drive.person.said)
+        await until(drive, running, lambda: drive.has_said("Step left"))
+        assert drive.has_said("step ahead: a key was pressed")
         drive.stop.set()
         await running
 
@@ -254,12 +266,9 @@ async def test_a_key_ends_a_drive_at_once_and_the_person_may_repeat_the_step(tmp
 async def test_a_key_between_two_drives_of_a_step_keeps_the_robot_at_rest(tmp_path: Path) -> None:
     async with first_drive(tmp_path, SIM, CONFIG) as drive:
         running = asyncio.create_task(drive.run())
-        while not any("Step headings" in said for said in drive.person.said):
-            await drive.rig.pass_time(0.1)
-        while drive.plant.true_velocity.linear_m_s < 0.05:
-            await drive.rig.pass_time(0.05)
-        while drive.plant.true_velocity.linear_m_s > 0.005:
-            await drive.rig.pass_time(0.05)
+        await until(drive, running, lambda: drive.has_said("Step headings"))
+        await until(drive, running, lambda: drive.speed_m_s > 0.05)
+        await until(drive, running, lambda: drive.speed_m_s < 0.005)
         drive.person.typed = "x"
         assert await running == EXIT_ABORTED
         assert "a key was pressed" in drive.person.said[-1]
@@ -269,8 +278,7 @@ async def test_a_key_between_two_drives_of_a_step_keeps_the_robot_at_rest(tmp_pa
 async def test_when_the_supervisor_falls_silent_the_person_must_switch_the_robot_off(tmp_path: Path) -> None:
     async with first_drive(tmp_path, SIM, CONFIG) as drive:
         running = asyncio.create_task(drive.run())
-        while drive.plant.true_velocity.linear_m_s < 0.05:
-            await drive.rig.pass_time(0.05)
+        await until(drive, running, lambda: drive.speed_m_s > 0.05)
         drive.rig.network.cut("path")
         assert await running == EXIT_ABORTED
         assert "the supervisor is silent: if the robot moves, switch it off" in drive.person.said[-1]
@@ -279,7 +287,8 @@ async def test_when_the_supervisor_falls_silent_the_person_must_switch_the_robot
 @pytest.fixture
 def only_estop(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the headings and the stops."""
-    monkeypatch.setattr(plan, "HEADINGS", plan.Step("headings", "nothing", ()))
+    back = plan.Drive(turn_rad=-plan.TURN_RAD, speed=plan.SLOW_RAD_S)
+    monkeypatch.setattr(plan, "HEADINGS", plan.HEADINGS._replace(drives=(back,)))
     monkeypatch.setattr(plan, "STOP_SPEEDS_M_S", ())
 
 
@@ -288,15 +297,12 @@ async def test_an_estop_after_the_drive_does_not_count(tmp_path: Path) -> None:
     answers = {**ANSWERS, "skip to leave it out": "skip"}
     async with first_drive(tmp_path, SIM, CONFIG, answers) as drive:
         running = asyncio.create_task(drive.run())
-        while not any("Step e-stop" in said for said in drive.person.said):
-            await drive.rig.pass_time(0.1)
-        while drive.plant.true_velocity.linear_m_s < 0.05:
-            await drive.rig.pass_time(0.05)
-        while drive.plant.true_velocity.linear_m_s > 0.005:
-            await drive.rig.pass_time(0.05)
+        await until(drive, running, lambda: drive.has_said("Step e-stop"))
+        await until(drive, running, lambda: drive.speed_m_s > 0.05)
+        await until(drive, running, lambda: drive.speed_m_s < 0.005)
         drive.rig.outsider.publisher(topics.ESTOP).put(Bool(data=True))
         assert await running == 0
-        assert any("no e-stop was heard" in said for said in drive.person.said)
+        assert drive.has_said("no e-stop was heard")
     assert "estop_s" not in drive.measured
 
 
@@ -308,8 +314,7 @@ async def test_a_file_that_became_unusable_during_the_drives_may_be_corrected_an
     async with first_drive(tmp_path, SIM, CONFIG, answers) as drive:
         drive.file.write_text("measured = {}\n")
         running = asyncio.create_task(drive.run())
-        while not any("Correct it, and try again" in said for said in drive.person.said):
-            await drive.rig.pass_time(0.02)
+        await until(drive, running, lambda: drive.has_said("Correct it, and try again"))
         drive.file.write_text("[measured]\n")
         assert await running == 0
     assert drive.value("lidars", "lidar", "noise_m") == pytest.approx(0.004, rel=0.05)
@@ -346,8 +351,7 @@ async def test_a_robot_too_near_to_the_wall_says_what_it_needs_and_does_not_move
 async def test_a_pillar_before_the_wall_ends_a_drive_by_a_stop_of_the_supervisor(tmp_path: Path) -> None:
     async with first_drive(tmp_path, SIM, CONFIG) as drive:
         running = asyncio.create_task(drive.run())
-        while drive.plant.true_velocity.linear_m_s < 0.05:
-            await drive.rig.pass_time(0.05)
+        await until(drive, running, lambda: drive.speed_m_s > 0.05)
         pose = drive.plant.true_pose
         drive.rig.outsider.publisher(topics.OBSTACLE).put(Point(pose.x_m + 0.6, pose.y_m, 0.0))
         assert await running == EXIT_ABORTED
