@@ -263,6 +263,7 @@ async def test_a_key_ends_a_drive_at_once_and_the_person_may_repeat_the_step(tmp
         await running
 
 
+@pytest.mark.timeout(600)
 async def test_a_key_between_two_drives_of_a_step_keeps_the_robot_at_rest(tmp_path: Path) -> None:
     async with first_drive(tmp_path, SIM, CONFIG) as drive:
         running = asyncio.create_task(drive.run())
@@ -286,12 +287,14 @@ async def test_when_the_supervisor_falls_silent_the_person_must_switch_the_robot
 
 @pytest.fixture
 def only_estop(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave out the headings and the stops."""
+    """Leave out the headings and the stops, and drive a shorter distance."""
     back = plan.Drive(turn_rad=-plan.TURN_RAD, speed=plan.SLOW_RAD_S)
     monkeypatch.setattr(plan, "HEADINGS", plan.HEADINGS._replace(drives=(back,)))
     monkeypatch.setattr(plan, "STOP_SPEEDS_M_S", ())
+    monkeypatch.setattr(plan, "ESTOP", plan.ESTOP._replace(drives=(plan.Drive(0.3),)))
 
 
+@pytest.mark.timeout(600)
 @pytest.mark.usefixtures("only_estop")
 async def test_an_estop_after_the_drive_does_not_count(tmp_path: Path) -> None:
     answers = {**ANSWERS, "skip to leave it out": "skip"}
@@ -306,6 +309,7 @@ async def test_an_estop_after_the_drive_does_not_count(tmp_path: Path) -> None:
     assert "estop_s" not in drive.measured
 
 
+@pytest.mark.timeout(600)
 @pytest.mark.usefixtures("only_estop")
 async def test_a_file_that_became_unusable_during_the_drives_may_be_corrected_and_written(
     tmp_path: Path,
