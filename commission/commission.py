@@ -25,7 +25,7 @@ from deploy.stack.launch import Launch
 from deploy.stack.reach import reach, run_command
 from deploy.stack.robot_file import read_robot
 from supervisor.config import UNMEASURED_M_S, NamedLidarSection, SupervisorSection
-from teleop.holder import HeldError, about_this_process
+from teleop.holder import HeldError
 from teleop.terminal import is_terminal
 from wire.bus import Bus
 from wire.foreign import ForeignError, read_text
@@ -42,33 +42,28 @@ FIND_S = 0.5
 """Time in which the lidar must show a wall."""
 
 
-def commission(file: Path, launch: Launch, source: str, lidar_name: str | None) -> NoReturn:
+def commission(
+    file: Path, launch: Launch, source: str, lidar_name: str | None, running: Launch | None
+) -> NoReturn:
     """Run the first drive, and write `[measured]`; exit 0 at the end, 1 if it was aborted, 130 if interrupted.
+
+    Args:
+        file: the configuration of the robot.
+        launch: how to reach it.
+        source: the command source to drive as.
+        lidar_name: the lidar that sees the wall; None for the first one.
+        running: the robot that this computer runs; None without one.
 
     Raises:
         DeployError: the file is refused, or there is no terminal.
     """
-    try:
-        sections = read_robot(read_toml(file), simulated=False)
-    except ConfigError as error:
-        raise DeployError(str(error)) from error
-    config = sections[SupervisorSection]
-    if source not in (one.name for one in config.sources):
-        raise DeployError(f"{source} is not in [supervisor] sources: add it, or give another --source")
-    lidars = {one.name: one for one in config.all_lidars()}
-    lidar = next(iter(lidars.values())) if lidar_name is None else lidars.get(lidar_name)
-    if lidar is None:
-        raise DeployError(f"there is no lidar {lidar_name}; there are: {', '.join(lidars)}")
-    if not config.odometry:
-        raise DeployError("odometry = false: without odometry, nothing can be measured")
+    config, lidar = _checked(file, source, lidar_name)
+    if running is not None and running.bus == launch.bus and running.config != launch.config:
+        raise DeployError(
+            f"the robot was started with {running.config}: give this file, or start it with {file}"
+        )
     if not is_terminal():
         raise DeployError("a person must confirm each step: run it in a terminal")
-    try:
-        check_place(read_text(file), results(Findings(), lidar))
-    except (OSError, ForeignError, TableError) as error:
-        raise DeployError(f"{file}: {error}") from error
-    if not (os.access(file, os.W_OK) and os.access(file.resolve().parent, os.W_OK)):
-        raise DeployError(f"{file} or its directory cannot be written: the results belong into it")
 
     async def run(stop: asyncio.Event) -> int:
         bus = await reach(launch.bus, stop, HubProof(launch.bus, note))
@@ -81,6 +76,33 @@ def commission(file: Path, launch: Launch, source: str, lidar_name: str | None) 
             await bus.close()
 
     run_command(run)
+
+
+def _checked(file: Path, source: str, lidar_name: str | None) -> tuple[SupervisorSection, NamedLidarSection]:
+    """Return the configuration and the lidar that sees the wall.
+
+    Raises:
+        DeployError: the robot cannot be measured with them, or the file has no place for the results.
+    """
+    try:
+        config = read_robot(read_toml(file), simulated=False)[SupervisorSection]
+    except ConfigError as error:
+        raise DeployError(str(error)) from error
+    if source not in (one.name for one in config.sources):
+        raise DeployError(f"{source} is not in [supervisor] sources: add it, or give another --source")
+    lidars = {one.name: one for one in config.all_lidars()}
+    lidar = next(iter(lidars.values())) if lidar_name is None else lidars.get(lidar_name)
+    if lidar is None:
+        raise DeployError(f"there is no lidar {lidar_name}; there are: {', '.join(lidars)}")
+    if not config.odometry:
+        raise DeployError("odometry = false: without odometry, nothing can be measured")
+    if not (os.access(file, os.W_OK) and os.access(file.resolve().parent, os.W_OK)):
+        raise DeployError(f"{file} or its directory cannot be written: the results belong into it")
+    try:
+        check_place(read_text(file), results(Findings(), lidar))
+    except (OSError, ForeignError, TableError) as error:
+        raise DeployError(f"{file}: {error}") from error
+    return config, lidar
 
 
 class Conductor:
@@ -106,7 +128,7 @@ class Conductor:
             max(plan.POOR_REACTION_S, config.base_dead_time_s + config.transport_s),
         )
         hull_m = config.footprint.hull().radius_m
-        self._driver = Driver(bus, source, lidar, hull_m, person, about_this_process(source))
+        self._driver = Driver(bus, source, lidar, hull_m, person)
 
     async def run(self, stop: asyncio.Event) -> int:
         try:

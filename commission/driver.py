@@ -1,6 +1,6 @@
 """Drives a robot from rest to rest as a command source, and ends a drive at any surprise.
 
-The heartbeat also runs while a person is asked. Whenever nothing is driven, it is neutral.
+The heartbeat also runs during a question. It is neutral except during a drive.
 """
 
 import asyncio
@@ -13,7 +13,7 @@ from commission.wall import Wall
 from commission.watch import Watch
 from supervisor.config import NamedLidarSection
 from supervisor.messages import to_scan
-from teleop.holder import Holder
+from teleop.holder import Holder, about_this_process
 from teleop.path.course import Pose
 from teleop.path.permit import what_is_missing, what_stops
 from teleop.pilots.pilot import NEUTRAL, Velocity
@@ -55,7 +55,6 @@ class Driver:
         lidar: the configuration of the lidar that sees the wall.
         hull_radius_m: the radius of the circle around the hull.
         person: any key of them aborts a drive.
-        about: a sentence about this program, for other programs that want the source's name.
     """
 
     def __init__(
@@ -65,7 +64,6 @@ class Driver:
         lidar: NamedLidarSection,
         hull_radius_m: float,
         person: Person,
-        about: str,
     ) -> None:
         self._source, self._lidar, self._hull_radius_m = source, lidar, hull_radius_m
         self._person = person
@@ -76,7 +74,7 @@ class Driver:
         self._scans = bus.subscribe(topics.lidar_scan(lidar.topic), depth=DEPTH)
         self._commands = bus.subscribe(topics.CMD_VEL, depth=DEPTH)
         self._statuses = bus.subscribe(topics.STATUS, depth=DEPTH, wake=self._wake)
-        self._holder = Holder(bus, source, self._cmd_vel, about)
+        self._holder = Holder(bus, source, self._cmd_vel, about_this_process(source))
         self._velocity = NEUTRAL
         self._status: SafetyStatus | None = None
         self._status_s = self._scan_s = -math.inf
