@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from commission.estimate import UNKNOWN, Estimate, Floats
+from commission.estimate import UNKNOWN, Estimate, Floats, least_squares
 
 LEAST_SCANS = 10
 STEP_S = 0.005
@@ -49,8 +49,8 @@ def latency(scans_s: Floats, distances_m: Floats, odometry_s: Floats, ways_m: Fl
     """
     if min(len(scans_s), len(odometry_s)) < LEAST_SCANS:
         return math.nan
-    since_s = odometry_s - odometry_s[0]
-    line = np.polyval(np.polyfit(since_s, ways_m, 1), since_s)
+    steadily = np.stack((np.ones_like(odometry_s), odometry_s - odometry_s[0]), axis=1)
+    line: Floats = steadily @ least_squares(steadily, ways_m).parameters
     if np.ptp(ways_m - line) < LEAST_BEND_M:
         return math.nan
 
