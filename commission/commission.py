@@ -5,15 +5,17 @@ import datetime as dt
 import itertools
 import math
 import os
+from collections.abc import Collection
 from importlib.metadata import version
 from pathlib import Path
 from typing import NoReturn
 
 from commission import plan, timing
 from commission.driver import AbortedError, Driver, SurpriseError
+from commission.estimate import of_repeats
 from commission.findings import Findings, report, results
-from commission.measured import TableError, with_results
-from commission.mounting import forward_mistakes, turn_mistakes
+from commission.measured import TableError, check_place, with_results
+from commission.mounting import Mistake, forward_mistakes, turn_mistakes
 from commission.person import Person, TerminalPerson
 from commission.trace import Driven
 from commission.wall import Wall
@@ -23,10 +25,10 @@ from deploy.stack.launch import Launch
 from deploy.stack.reach import reach, run_command
 from deploy.stack.robot_file import read_robot
 from supervisor.config import UNMEASURED_M_S, NamedLidarSection, SupervisorSection
-from teleop.holder import HeldError, about_this_process
+from teleop.holder import HeldError
 from teleop.terminal import is_terminal
 from wire.bus import Bus
-from wire.foreign import read_text
+from wire.foreign import ForeignError, read_text
 from wire.host.config import ConfigError, read_toml
 from wire.reasons import StopReason
 from wire.standstill import STILL_M_S
@@ -37,32 +39,31 @@ REST_S = 3.0
 NO_WALL = "no flat wall of at least 1 m is seen: move the robot, or choose another wall"
 OTHER_WAY = ". If the robot moved the other way, correct the sign in its driver or its wiring"
 FIND_S = 0.5
-"""How long the lidar is heard before a wall must have been found."""
+"""Time in which the lidar must show a wall."""
 
 
-def commission(file: Path, launch: Launch, source: str, lidar_name: str | None) -> NoReturn:
+def commission(
+    file: Path, launch: Launch, source: str, lidar_name: str | None, running: Launch | None
+) -> NoReturn:
     """Run the first drive, and write `[measured]`; exit 0 at the end, 1 if it was aborted, 130 if interrupted.
+
+    Args:
+        file: the configuration of the robot.
+        launch: how to reach it.
+        source: the command source to drive as.
+        lidar_name: the lidar that sees the wall; None for the first one.
+        running: the robot that this computer runs; None without one.
 
     Raises:
         DeployError: the file is refused, or there is no terminal.
     """
-    try:
-        sections = read_robot(read_toml(file), simulated=False)
-    except ConfigError as error:
-        raise DeployError(str(error)) from error
-    config = sections[SupervisorSection]
-    if source not in (one.name for one in config.sources):
-        raise DeployError(f"{source} is not in [supervisor] sources: add it, or give another --source")
-    lidars = {one.name: one for one in config.all_lidars()}
-    lidar = next(iter(lidars.values())) if lidar_name is None else lidars.get(lidar_name)
-    if lidar is None:
-        raise DeployError(f"there is no lidar {lidar_name}; there are: {', '.join(lidars)}")
-    if not config.odometry:
-        raise DeployError("odometry = false: without odometry, nothing can be measured")
+    config, lidar = _checked(file, source, lidar_name)
+    if running is not None and running.bus == launch.bus and running.config != launch.config:
+        raise DeployError(
+            f"the robot was started with {running.config}: give this file, or start it with {file}"
+        )
     if not is_terminal():
         raise DeployError("a person must confirm each step: run it in a terminal")
-    if not (os.access(file, os.W_OK) and os.access(file.resolve().parent, os.W_OK)):
-        raise DeployError(f"{file} or its directory cannot be written: the results belong into it")
 
     async def run(stop: asyncio.Event) -> int:
         bus = await reach(launch.bus, stop, HubProof(launch.bus, note))
@@ -77,8 +78,35 @@ def commission(file: Path, launch: Launch, source: str, lidar_name: str | None) 
     run_command(run)
 
 
+def _checked(file: Path, source: str, lidar_name: str | None) -> tuple[SupervisorSection, NamedLidarSection]:
+    """Return the configuration and the lidar that sees the wall.
+
+    Raises:
+        DeployError: the robot cannot be measured with them, or the file has no place for the results.
+    """
+    try:
+        config = read_robot(read_toml(file), simulated=False)[SupervisorSection]
+    except ConfigError as error:
+        raise DeployError(str(error)) from error
+    if source not in (one.name for one in config.sources):
+        raise DeployError(f"{source} is not in [supervisor] sources: add it, or give another --source")
+    lidars = {one.name: one for one in config.all_lidars()}
+    lidar = next(iter(lidars.values())) if lidar_name is None else lidars.get(lidar_name)
+    if lidar is None:
+        raise DeployError(f"there is no lidar {lidar_name}; there are: {', '.join(lidars)}")
+    if not config.odometry:
+        raise DeployError("odometry = false: without odometry, nothing can be measured")
+    if not (os.access(file, os.W_OK) and os.access(file.resolve().parent, os.W_OK)):
+        raise DeployError(f"{file} or its directory cannot be written: the results belong into it")
+    try:
+        check_place(read_text(file), results(Findings(), lidar))
+    except (OSError, ForeignError, TableError) as error:
+        raise DeployError(f"{file}: {error}") from error
+    return config, lidar
+
+
 class Conductor:
-    """Goes through the steps with one person."""
+    """Conducts the steps with one person."""
 
     def __init__(
         self,
@@ -93,20 +121,14 @@ class Conductor:
         self._say = person.say
         self._found = Findings()
         self._there_m = 0.0
-        """Way of the last drive, by odometry."""
+        """Distance of the last straight drive, by odometry."""
         self._base = plan.Base(
             config.base_acceleration_m_s2,
             min(plan.POOR_DECELERATION_M_S2, config.deceleration_m_s2),
             max(plan.POOR_REACTION_S, config.base_dead_time_s + config.transport_s),
         )
-        self._driver = Driver(
-            bus,
-            source,
-            lidar,
-            config.footprint.hull().radius_m,
-            person,
-            about_this_process(source),
-        )
+        hull_m = config.footprint.hull().radius_m
+        self._driver = Driver(bus, source, lidar, hull_m, person)
 
     async def run(self, stop: asyncio.Event) -> int:
         try:
@@ -137,9 +159,11 @@ class Conductor:
         await self._check_wall()
         await self._rest()
         await self._step(plan.AHEAD, is_first=True)
-        await self._check_direction()
+        is_ahead = await self._seen("Did the robot drive ahead, toward the wall?", "ahead", "back")
+        _end_at(forward_mistakes(self._found.straights[-1], seen_ahead=is_ahead))
         await self._step(plan.LEFT, is_first=True)
-        await self._check_turn()
+        is_left = await self._seen("Which way did the robot turn, seen from above?", "left", "right")
+        _end_at(turn_mistakes(self._found.turns[-1], seen_left=is_left))
         await self._step(plan.HEADINGS)
         for speed_m_s in plan.speeds(min(self._config.max_linear_m_s, UNMEASURED_M_S)):
             if not await self._step(plan.stops(speed_m_s, self._base)):
@@ -171,7 +195,7 @@ class Conductor:
         )
 
     async def _confirm(self, question: str, word: str) -> None:
-        if (await self._driver.ask(question)).lower() != word:
+        if await self._driver.ask(question) != word:
             raise AbortedError(f"not confirmed with {word!r}")
 
     async def _rest(self) -> None:
@@ -180,8 +204,8 @@ class Conductor:
         await self._driver.wait(REST_S)
         trace = self._driver.trace.between(start_s, self._driver.now_s)
         arrivals = [scan.at_s for scan in trace.scans]
-        self._found.period = timing.period(arrivals)
-        self._found.longest_s = max((b - a for a, b in itertools.pairwise(arrivals)), default=math.nan)
+        gaps_s = [b - a for a, b in itertools.pairwise(arrivals)]
+        self._found.period, self._found.longest_s = of_repeats(gaps_s), max(gaps_s, default=math.nan)
         self._found.noise = timing.noise(trace.same_beams())
 
     async def _step(self, step: plan.Step, *, is_first: bool = False) -> bool:
@@ -189,24 +213,36 @@ class Conductor:
         while True:
             problem = await self._problem(step)
             if problem is None:
-                await self._announce(step)
+                if not await self._choose(step, "go", f"{self._announced(step)} Type go to drive"):
+                    return False
                 try:
                     for drive in step.drives:
                         await self._drive(drive, is_first=is_first, until_estop=step is plan.ESTOP)
                 except SurpriseError as error:
                     hint = OTHER_WAY if is_first and StopReason.BASE_UNRESPONSIVE in str(error) else ""
-                    problem = f"{error}. Zero was sent{hint}"
+                    problem = f"{error}{hint}"
                 else:
                     return True
             self._say(f"step {step.name}: {problem}")
-            skip = "" if step.is_needed else ", skip to leave it out"
-            answer = await self._driver.ask(
-                f"Place the robot with teleop if necessary. Type again for this step{skip}, anything else to end."
-            )
-            if answer == "skip" and not step.is_needed:
+            question = "Place the robot with teleop if necessary. Type again for this step"
+            if not await self._choose(step, "again", question, problem):
                 return False
-            if answer != "again":
-                raise AbortedError(problem)
+
+    async def _choose(
+        self, step: plan.Step, word: str, question: str, problem: str = "not confirmed"
+    ) -> bool:
+        """Return True for the word, and False for a step that is left out.
+
+        Raises:
+            AbortedError: the person ends the drives because of the problem.
+        """
+        skip = "" if step.is_needed else ", skip to leave it out"
+        answer = await self._driver.ask(f"{question}{skip}, anything else to end.")
+        if answer == word:
+            return True
+        if skip and answer == "skip":
+            return False
+        raise AbortedError(problem)
 
     async def _problem(self, step: plan.Step) -> str | None:
         """Return why a step cannot begin where the robot stands; None if it can."""
@@ -215,59 +251,49 @@ class Conductor:
             return NO_WALL
         return plan.problem(step, self._base, self._driver.gap_m(wall), self._driver.bearing_rad(wall))
 
-    async def _announce(self, step: plan.Step) -> None:
+    def _announced(self, step: plan.Step) -> str:
+        """Show the drives of a step; return which area must be free."""
         self._say(f"Step {step.name}, to measure {step.purpose}:")
         for text in dict.fromkeys(map(str, step.drives)):
             self._say(f"  {text}")
-        behind_m = step.needs_behind_m(self._base)
-        where = f"{step.needs_m(self._base):.1f} m ahead" + (
-            f" and {behind_m:.1f} m behind" if behind_m else ""
-        )
-        await self._confirm(f"Keep {where} of the hull free. Type go to drive, anything else to end.", "go")
+        ahead_m, behind_m = step.needs_m(self._base), step.needs_m(self._base, behind=True)
+        where = f"{ahead_m:.1f} m ahead of the hull and {behind_m:.1f} m behind it"
+        return f"Keep {where} free."
 
     async def _drive(self, drive: plan.Drive, *, is_first: bool, until_estop: bool) -> None:
         driven = await self._driver.drive(
             drive.back(self._there_m), self._base, is_first=is_first, until_estop=until_estop
         )
-        self._there_m = driven.way_m
-        if not until_estop:
-            self._keep(drive, driven)
-            return
-        zero_s = self._driver.heard_estop_s(driven.started_s)
-        if zero_s is None:
-            raise SurpriseError("no e-stop was heard")
-        still = (
-            one.at_s for one in driven.trace.odometry if one.at_s > zero_s and abs(one.linear_m_s) < STILL_M_S
+        motion = driven.motion(is_turn=bool(drive.turn_rad))
+        if until_estop:
+            self._keep_estop(driven)
+        elif drive.turn_rad:
+            self._found.turns.append(motion)
+        else:
+            self._there_m = motion.odometry
+            self._found.straights.append(motion)
+            if (
+                drive.way_m > 0.0 and drive.speed > plan.SLOW_M_S
+            ):  # the slow drives are too short, and not all toward the wall
+                self._found.driven.append(driven)
+
+    def _keep_estop(self, driven: Driven) -> None:
+        if not driven.is_stopped:
+            raise SurpriseError("no e-stop was heard while the robot drove")
+        still_s = (
+            one.at_s
+            for one in driven.trace.odometry
+            if one.at_s > driven.stopped_s and abs(one.linear_m_s) < STILL_M_S
         )
-        self._found.estop_s = next(still, math.nan) - zero_s
+        self._found.estop_s = next(still_s, math.nan) - driven.stopped_s
         self._say("the e-stop stopped the robot; reset it with r in teleop")
 
-    def _keep(self, drive: plan.Drive, driven: Driven) -> None:
-        if drive.turn_rad:
-            self._found.turns.append(driven.turn())
-            return
-        self._found.straights.append(driven.straight())
-        if (
-            drive.way_m > 0.0 and drive.speed > plan.SLOW_M_S
-        ):  # the slow drives are too short, and not all toward the wall
-            self._found.driven.append(driven)
-            self._found.commanded.append(drive.speed)
-
-    async def _check_direction(self) -> None:
-        answer = await self._driver.ask("Did the robot drive ahead, toward the wall? Type ahead or back.")
-        if answer not in {"ahead", "back"}:
-            raise AbortedError("the answer must be ahead or back")
-        mistakes = forward_mistakes(self._found.straights[-1], seen_ahead=answer == "ahead")
-        if mistakes:
-            raise AbortedError("; ".join(sorted(mistakes)))
-
-    async def _check_turn(self) -> None:
-        answer = await self._driver.ask("Which way did the robot turn, seen from above? Type left or right.")
-        if answer not in {"left", "right"}:
-            raise AbortedError("the answer must be left or right")
-        mistakes = turn_mistakes(self._found.turns[-1], seen_left=answer == "left")
-        if mistakes:
-            raise AbortedError("; ".join(sorted(mistakes)))
+    async def _seen(self, question: str, as_commanded: str, other: str) -> bool:
+        """Ask for the direction of the last motion; return whether it was the commanded one."""
+        while True:
+            answer = await self._driver.ask(f"{question} Type {as_commanded} or {other}.")
+            if answer in {as_commanded, other}:
+                return answer == as_commanded
 
     # --- the result
 
@@ -275,14 +301,23 @@ class Conductor:
         found = results(self._found, self._lidar)
         for line in report(found, self._found, self._config):
             self._say(line)
-        await self._confirm(f"Type write to write [measured] into {self._file}.", "write")
-        try:
-            today = dt.datetime.now(tz=dt.UTC).date().isoformat()
-            text = with_results(read_text(self._file), found, date=today, version=version("lifeline"))
-            replace_file(self._file, text)
-        except (OSError, TableError) as error:
-            raise DeployError(f"{self._file}: {error}") from error
+        today = dt.datetime.now(tz=dt.UTC).date().isoformat()
+        while True:
+            await self._confirm(f"Type write to write [measured] into {self._file}.", "write")
+            try:
+                text = with_results(read_text(self._file), found, date=today, version=version("lifeline"))
+                replace_file(self._file, text)
+            except (OSError, ForeignError, TableError) as error:
+                self._say(f"{self._file}: {error}. Correct it, and try again")
+            else:
+                break
         self._say(f"written. `lifeline check {self._file}` compares it with the configuration")
+
+
+def _end_at(mistakes: Collection[Mistake]) -> None:
+    """Raise AbortedError if there is a mistake."""
+    if mistakes:
+        raise AbortedError("; ".join(sorted(mistakes)))
 
 
 def replace_file(file: Path, text: str) -> None:

@@ -1,19 +1,19 @@
 """Drives a robot from rest to rest as a command source, and ends a drive at any surprise.
 
-The heartbeat also runs while a person is asked. Whenever nothing is driven, it is neutral.
+The heartbeat also runs during a question. It is neutral except during a drive.
 """
 
 import asyncio
 import math
 
-from commission.person import LineEditor, Person
+from commission.person import Person
 from commission.plan import Base, Drive
 from commission.trace import Command, Driven, Odom, Trace
 from commission.wall import Wall
 from commission.watch import Watch
 from supervisor.config import NamedLidarSection
 from supervisor.messages import to_scan
-from teleop.holder import Holder
+from teleop.holder import Holder, about_this_process
 from teleop.path.course import Pose
 from teleop.path.permit import what_is_missing, what_stops
 from teleop.pilots.pilot import NEUTRAL, Velocity
@@ -27,9 +27,12 @@ from wire.standstill import is_still
 RATE_HZ = 20.0
 DEPTH = 256
 STATUS_SILENT_S = 0.5
+HUB_SILENT_S = 0.2
+"""A status older than this counts as missing if another stream is silent."""
 ODOM_SILENT_S = 0.3
 SCAN_SILENT_S = 0.6
 ARM_LIMIT_S = 5.0
+WALL_LOST = "the wall is lost: nothing may stand or walk between the robot and the wall"
 LEARN_S = 0.6
 """How long the wall is observed at rest before and after a drive."""
 REST_LIMIT_S = 6.0
@@ -40,7 +43,7 @@ class AbortedError(Exception):
 
 
 class SurpriseError(Exception):
-    """One drive has ended early; the message says why. Zero has been sent."""
+    """One drive has ended early; the message says why. Zero has been sent, which only a running supervisor passes on."""
 
 
 class Driver:
@@ -52,7 +55,6 @@ class Driver:
         lidar: the configuration of the lidar that sees the wall.
         hull_radius_m: the radius of the circle around the hull.
         person: any key of them aborts a drive.
-        about: a sentence about this program, for other programs that want the source's name.
     """
 
     def __init__(
@@ -62,7 +64,6 @@ class Driver:
         lidar: NamedLidarSection,
         hull_radius_m: float,
         person: Person,
-        about: str,
     ) -> None:
         self._source, self._lidar, self._hull_radius_m = source, lidar, hull_radius_m
         self._person = person
@@ -73,7 +74,7 @@ class Driver:
         self._scans = bus.subscribe(topics.lidar_scan(lidar.topic), depth=DEPTH)
         self._commands = bus.subscribe(topics.CMD_VEL, depth=DEPTH)
         self._statuses = bus.subscribe(topics.STATUS, depth=DEPTH, wake=self._wake)
-        self._holder = Holder(bus, source, self._cmd_vel, about)
+        self._holder = Holder(bus, source, self._cmd_vel, about_this_process(source))
         self._velocity = NEUTRAL
         self._status: SafetyStatus | None = None
         self._status_s = self._scan_s = -math.inf
@@ -128,26 +129,21 @@ class Driver:
             await self.beat()
 
     async def ask(self, question: str) -> str:
-        """Ask the person, and return the typed line.
+        """Ask the person, and return the typed line, in small letters.
 
         Raises:
             AbortedError: the terminal was closed, or a signal ends the program.
         """
-        editor = LineEditor()
-        self._person.take()  # keys from before the question do not answer it
+        self._person.expect(line=True)
         self._person.say(question)
-        self._person.echo("")
-        while True:
+        typed = ""
+        while not typed:
             await self.beat()
-            before = editor.text
-            line = editor.feed(self._person.take())
-            if line is not None:
-                self._person.echo(line, ends=True)
-                return line
+            typed = self._person.take()
             if self._person.has_ended:
                 raise AbortedError("the terminal was closed")
-            if editor.text != before:
-                self._person.echo(editor.text)
+        self._person.expect(line=False)
+        return typed.strip().lower()
 
     def _send(self, velocity: Velocity) -> None:
         if self._holder.holds:
@@ -160,7 +156,8 @@ class Driver:
                 self._hear_odometry(odometry.message, odometry.arrival_s)
         for command in self._commands.take():
             if (twist := command.message) is not None:
-                self.trace.add_command(Command(command.arrival_s, twist.linear.x, twist.angular.z))
+                is_zero = twist.linear.x == 0.0 and twist.angular.z == 0.0
+                self.trace.commands.append(Command(command.arrival_s, is_zero))
         for arrival in self._scans.take():
             scan = to_scan(arrival, 0.0)
             if scan is not None and len(scan.ranges) > 0:
@@ -172,7 +169,7 @@ class Driver:
     def _hear_odometry(self, message: Odometry, arrival_s: float) -> None:
         pose, twist = Pose.of(message), message.twist.twist
         if pose.is_finite and math.isfinite(twist.linear.x) and math.isfinite(twist.angular.z):
-            self.trace.add_odometry(Odom(arrival_s, pose, twist.linear.x, twist.angular.z))
+            self.trace.odometry.append(Odom(arrival_s, pose, twist.linear.x, twist.angular.z))
 
     def _hear_status(self, status: SafetyStatus, arrival_s: float) -> str | None:
         self._status, self._status_s = status, arrival_s
@@ -197,16 +194,16 @@ class Driver:
 
     def silent(self) -> str | None:
         """Return a text about a required stream that is silent; None if there is none."""
-        now_s = self.now_s
+        now_s, status_s = self.now_s, self.now_s - self._status_s
         odom_s = self.trace.odometry[-1].at_s if self.trace.odometry else -math.inf
-        for name, heard_s, limit_s in (
-            ("the supervisor", self._status_s, STATUS_SILENT_S),
-            ("odometry", odom_s, ODOM_SILENT_S),
-            (f"the lidar {self._lidar.name}", self._scan_s, max(SCAN_SILENT_S, self._lidar.timeout_s or 0.0)),
-        ):
-            if now_s - heard_s > limit_s:
-                return f"{name} is silent"
-        return None
+        no_odom = now_s - odom_s > ODOM_SILENT_S
+        no_scan = now_s - self._scan_s > max(SCAN_SILENT_S, self._lidar.timeout_s or 0.0)
+        # All streams end with the supervisor, because it is the hub.
+        if status_s > (HUB_SILENT_S if no_odom or no_scan else STATUS_SILENT_S):
+            return "the supervisor is silent: if the robot moves, switch it off"
+        if no_odom:
+            return "odometry is silent"
+        return f"the lidar {self._lidar.name} is silent" if no_scan else None
 
     # --- driving
 
@@ -235,74 +232,89 @@ class Driver:
         Args:
             drive: the motion.
             base: what is assumed of the base.
-            is_first: whether it is unknown yet which way base, odometry and lidar go: no direction is a surprise.
+            is_first: whether the signs of base, odometry and lidar are still unknown: then no direction is a surprise.
             until_estop: whether an e-stop is expected.
 
         Raises:
             SurpriseError: something unexpected happened, or a key was pressed.
         """
         await self.ready()
-        await self.wait(LEARN_S)
-        started_s = self.now_s
-        before = self.trace.between(started_s - LEARN_S, started_s).mean_wall()
-        if before is None or not self.trace.odometry:
-            raise SurpriseError("the wall is lost: nothing may stand or walk between the robot and the wall")
-        start, gap_m = self.trace.odometry[-1].pose, self.gap_m(before)
+        started_s = await self._rest(None, None)
+        before, start = self._mean_wall(started_s), self.trace.odometry[-1].pose
+        gap_m = self.gap_m(before)
         if drive.way_m > 0.0 and gap_m < (needs_m := drive.needs_m(base)):
             raise SurpriseError(f"the drive needs {needs_m:.2f} m, and the wall is {gap_m:.2f} m away")
         watch = Watch(drive, base, start, before, gap_m, started_s, is_first=is_first)
         expected = StopReason.ESTOP if until_estop else StopReason.SCAN_BLIND if drive.way_m < 0.0 else None
-        self._person.take()
+        is_stopped = False
         forward, turn = math.copysign(drive.speed, drive.way_m), math.copysign(drive.speed, drive.turn_rad)
         self._velocity = Velocity(0.0, turn) if drive.turn_rad else Velocity(forward, 0.0)
         try:
-            while not watch.is_done(self.trace.odometry[-1], self.wall()):
+            while not is_stopped and not watch.is_done(self.trace.odometry[-1], self.wall()):
                 reason = await self.beat()
-                if reason is not None and self._is_stopped_by(expected):
-                    break
-                self._check(reason, watch)
+                is_stopped = reason is not None and self._is_stopped_by(expected)
+                if not is_stopped:
+                    self._check(reason, watch)
                 self._person.show(f"{drive}: {watch.progress(self.trace.odometry[-1])}")
         finally:
             self._velocity = NEUTRAL
             self._send(NEUTRAL)
         rest_s = await self._rest(watch, expected)
-        after = self.trace.between(rest_s - LEARN_S, rest_s).mean_wall()
-        if after is None:
-            raise SurpriseError("the wall is lost: nothing may stand or walk between the robot and the wall")
         trace = self.trace.between(started_s - LEARN_S, rest_s)
-        moving_s = [command.at_s for command in trace.commands if not command.is_zero]
-        zeros_s = [c.at_s for c in trace.commands if c.is_zero and moving_s and c.at_s > moving_s[-1]]
-        end = self.trace.odometry[-1].pose
-        stopped_s = zeros_s[0] if zeros_s else math.nan
-        return Driven(trace, start, end, before, after, started_s, stopped_s, rest_s)
+        moving_s = max((one.at_s for one in trace.commands if not one.is_zero), default=math.inf)
+        stopped_s = next((one.at_s for one in trace.commands if one.at_s > moving_s), math.nan)
+        return Driven(
+            trace, start, drive.speed, before, self._mean_wall(rest_s), stopped_s, rest_s, is_stopped
+        )
+
+    def _mean_wall(self, to_s: float) -> Wall:
+        """Return the wall at rest, before a time.
+
+        Raises:
+            SurpriseError: it is lost.
+        """
+        wall = self.trace.between(to_s - LEARN_S, to_s).mean_wall()
+        if wall is None:
+            raise SurpriseError(WALL_LOST)
+        return wall
 
     def _is_stopped_by(self, reason: StopReason | None) -> bool:
         """Return whether this reason has stopped the robot."""
         return self._status is not None and any(reason in some for some in self._status.causes_and_latched())
 
-    def _check(self, reason: str | None, watch: "Watch") -> None:
+    def _key(self) -> str | None:
+        """Return a text if a key was pressed since a question was answered, or the terminal is closed; else None."""
+        return "a key was pressed" if self._person.take() or self._person.has_ended else None
+
+    def _check(self, reason: str | None, watch: Watch) -> None:
         """Raise SurpriseError if something is unexpected."""
-        if self._person.take() or self._person.has_ended:
-            reason = "a key was pressed"
         wall = self.wall()
-        reason = reason or self.silent()
+        reason = self._key() or reason or self.silent()
         if reason is None and wall is None:
-            reason = "the wall is lost: nothing may stand or walk between the robot and the wall"
+            reason = WALL_LOST
         if reason is None and wall is not None:
             reason = watch.surprise(self.now_s, self.trace.odometry[-1], wall, self.gap_m(wall))
         if reason is not None:
             raise SurpriseError(reason)
 
-    async def _rest(self, watch: "Watch", expected: StopReason | None) -> float:
-        """Wait until the robot has been at rest for `LEARN_S`; return the time."""
+    async def _rest(self, watch: Watch | None, expected: StopReason | None) -> float:
+        """Wait until the robot has been at rest for `LEARN_S`; return the time.
+
+        Args:
+            watch: what is expected of the drive that ends; None before a drive.
+            expected: the reason of a stop that is no surprise.
+
+        Raises:
+            SurpriseError: the robot does not come to rest, or something else is unexpected.
+        """
         end_s, still_s = self.now_s + REST_LIMIT_S, math.inf
         while self.now_s - still_s < LEARN_S + 0.1:
             reason = await self.beat()
             wall = self.wall()
-            if wall is not None and watch.is_too_near(self.gap_m(wall)):
-                reason = "it comes closer to the wall than planned"
-            elif self._is_stopped_by(expected):
+            near = None if watch is None or wall is None else watch.too_near(self.gap_m(wall))
+            if near is None and self._is_stopped_by(expected):
                 reason = None
+            reason = self._key() or near or reason or self.silent()
             if reason is not None:
                 raise SurpriseError(reason)
             newest = self.trace.odometry[-1]
@@ -311,13 +323,5 @@ class Driver:
             elif math.isinf(still_s):
                 still_s = newest.at_s
             if self.now_s > end_s:
-                raise SurpriseError(f"the robot is not at rest {REST_LIMIT_S:g} s after zero was commanded")
+                raise SurpriseError(f"the robot is not at rest after {REST_LIMIT_S:g} s of zero commands")
         return self.now_s
-
-    def heard_estop_s(self, since_s: float) -> float | None:
-        """Return when the first command was zero after the last motion since a time, if the e-stop is latched; else None."""
-        if not self._is_stopped_by(StopReason.ESTOP):
-            return None
-        moving_s = [c.at_s for c in self.trace.commands if c.at_s >= since_s and not c.is_zero]
-        zeros_s = [c.at_s for c in self.trace.commands if moving_s and c.at_s > moving_s[-1]]
-        return zeros_s[0] if zeros_s else None

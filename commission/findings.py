@@ -1,4 +1,4 @@
-"""What the drives have shown, and the results for `[measured]` with their report."""
+"""Collects what the drives show, and computes the results for `[measured]` and their report."""
 
 import math
 from dataclasses import dataclass, field
@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from commission import plan, timing
 from commission.estimate import UNKNOWN, Estimate, of_repeats
 from commission.measured import Result
-from commission.mounting import Straight, Turn, heading, turn_scale
+from commission.mounting import Motion, heading, turn_scale
 from commission.stopping import Stop, brakes, by_the_law, stop_of
 from commission.trace import Driven
 from supervisor.config import NamedLidarSection, SupervisorSection
@@ -20,12 +20,10 @@ class Findings:
     period: Estimate = UNKNOWN
     longest_s: float = math.nan
     noise: Estimate = UNKNOWN
-    straights: list[Straight] = field(default_factory=list[Straight])
-    turns: list[Turn] = field(default_factory=list[Turn])
+    straights: list[Motion] = field(default_factory=list[Motion])
+    turns: list[Motion] = field(default_factory=list[Motion])
     driven: list[Driven] = field(default_factory=list[Driven])
     """The drives that ended with a stop from a steady speed."""
-    commanded: list[float] = field(default_factory=list[float])
-    """The speed of each of them."""
     estop_s: float = math.nan
 
     def latency(self) -> Estimate:
@@ -33,16 +31,14 @@ class Findings:
         found: list[float] = []
         for one in self.driven:
             odometry, walls = one.trace.toward(one.start), one.trace.walls()
-            estimate = timing.latency(walls[:, 0], walls[:, 1], odometry[:, 0], odometry[:, 1])
-            if estimate.is_determined:
-                found.append(estimate.value)
-        return of_repeats(found)
+            found.append(timing.latency(walls[:, 0], walls[:, 1], odometry[:, 0], odometry[:, 1]))
+        return of_repeats([latency_s for latency_s in found if math.isfinite(latency_s)])
 
     def stops(self, scale: float, latency_s: float, yaw_rad: float) -> list[Stop]:
         """Return the stops, measured at the wall.
 
         Args:
-            scale: the true way per way of odometry.
+            scale: true distance divided by distance of odometry.
             latency_s: of the scans.
             yaw_rad: of the lidar.
         """
@@ -59,8 +55,8 @@ class Findings:
     def by_the_law(self) -> Estimate:
         """Return the deceleration that the safety law itself measures in the same stops, by odometry."""
         found = [
-            by_the_law(one.stopped_s, one.trace.toward(one.start), speed, STILL_M_S)
-            for one, speed in zip(self.driven, self.commanded, strict=True)
+            by_the_law(one.stopped_s, one.trace.toward(one.start), one.speed, STILL_M_S)
+            for one in self.driven
         ]
         return of_repeats([value for value in found if math.isfinite(value)])
 
@@ -78,7 +74,6 @@ def results(found: Findings, lidar: NamedLidarSection) -> list[Result]:
     if yaw.is_determined:  # written near the configured value, not a full turn away
         near_rad = lidar.yaw_rad + math.remainder(yaw.value - lidar.yaw_rad, math.tau)
         yaw = yaw._replace(value=near_rad)
-    estop = Estimate(found.estop_s, 0.0, 1)
     return [
         Result(
             ("deceleration_m_s2",), base.deceleration_m_s2, base.deceleration_m_s2.low, "stops before a wall"
@@ -93,7 +88,10 @@ def results(found: Findings, lidar: NamedLidarSection) -> list[Result]:
         ),
         Result(("turn_scale",), turning, turning.far_from(1.0), "turns before a wall"),
         Result(
-            ("estop_s",), estop, found.estop_s, f"e-stop at {plan.SLOW_M_S:g} m/s: zero command to standstill"
+            ("estop_s",),
+            Estimate(found.estop_s, math.inf, 1),
+            None,
+            f"e-stop at {plan.SLOW_M_S:g} m/s: zero command to standstill",
         ),
         Result((*own, "yaw_rad"), yaw, yaw.far_from(lidar.yaw_rad), "straight drives at three headings"),
         Result(
@@ -109,12 +107,14 @@ def report(found: list[Result], findings: Findings, config: SupervisorSection) -
     lines: list[str] = []
     for result in found:
         name, estimate = ".".join(result.path), result.estimate
-        if result.is_known:
+        if not result.is_known:
+            lines.append(f"{name}: not measured ({estimate.n} measurements do not determine it)")
+        elif result.limit is None:
+            lines.append(f"{name} = {estimate.value:.4g} (one trial): {result.how}")
+        else:
             lines.append(
                 f"{name} = {estimate.value:.4g} ± {estimate.u95:.2g} (limit {result.limit:.4g}, n = {estimate.n}): {result.how}"
             )
-        else:
-            lines.append(f"{name}: not measured ({estimate.n} measurements do not determine it)")
     by_law = findings.by_the_law()
     if by_law.n:
         lines.append(

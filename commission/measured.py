@@ -1,7 +1,6 @@
 """Turns what was measured into the table `[measured]` of a robot.toml, and leaves everything else in the file alone."""
 
 import math
-import tomllib
 from typing import Any, NamedTuple
 
 import tomlkit
@@ -9,6 +8,7 @@ from tomlkit.exceptions import TOMLKitError
 
 from commission.estimate import Estimate
 from supervisor.measured import MeasuredSection
+from wire.foreign import from_toml
 from wire.host.config import ConfigError, section
 
 SECTION = "measured"
@@ -21,13 +21,15 @@ class Result(NamedTuple):
     path: tuple[str, ...]
     """Its key below `[measured]`, such as ("lidars", "front", "yaw_rad")."""
     estimate: Estimate
-    limit: float
-    """The end of the interval on the unsafe side."""
+    limit: float | None
+    """The end of the interval on the unsafe side; None for a single trial, which has no interval."""
     how: str
 
     @property
     def is_known(self) -> bool:
-        return self.estimate.is_determined and math.isfinite(self.limit) and self.estimate.n > 0
+        if self.limit is None:
+            return math.isfinite(self.estimate.value)
+        return self.estimate.is_determined and math.isfinite(self.limit)
 
 
 class TableError(Exception):
@@ -44,7 +46,7 @@ def with_results(text: str, results: list[Result], *, date: str, version: str) -
         version: the version of Lifeline.
 
     Raises:
-        TableError: the file is not TOML, or `[measured]` in it is not a table.
+        TableError: the file is not TOML, or has no place for the results.
     """
     try:
         document = tomlkit.parse(text)
@@ -56,17 +58,27 @@ def with_results(text: str, results: list[Result], *, date: str, version: str) -
             if result.is_known:
                 _put(document[SECTION], result, date, version)
         written = tomlkit.dumps(document)
-    except (TOMLKitError, TypeError) as error:  # TypeError: a number where a table is expected
-        raise TableError(f"it cannot be written: {error}") from error
-    try:
-        section(tomllib.loads(written), SECTION, MeasuredSection)
-    except ConfigError as error:
-        raise TableError(f"it cannot be written: {error}") from error
-    if _others(written) != _others(text):
+        section(from_toml(written), SECTION, MeasuredSection)
+        others_differ = _others(written) != _others(text)
+    # tomlkit raises TypeError or ValueError where the place of a table has another kind of value.
+    except (TOMLKitError, TypeError, ValueError, ConfigError) as error:
+        raise TableError(f"[{SECTION}] cannot be written: {error}") from error
+    if others_differ:
         raise TableError(
-            f"it cannot be written without a change of other keys: give [{SECTION}] a place of its own"
+            f"[{SECTION}] cannot be written without a change of other keys: give it its own place"
         )
     return written
+
+
+def check_place(text: str, results: list[Result]) -> None:
+    """Check that all results, also those that are not known yet, have a place in a file.
+
+    Raises:
+        TableError: they do not.
+    """
+    one = Estimate(1.0, 0.0, 1)
+    some = [result._replace(estimate=one, limit=None if result.limit is None else 1.0) for result in results]
+    with_results(text, some, date="2026-01-01", version="")
 
 
 def _put(table: Any, result: Result, date: str, version: str) -> None:  # noqa: ANN401 - tomlkit's items
@@ -75,16 +87,10 @@ def _put(table: Any, result: Result, date: str, version: str) -> None:  # noqa: 
             table[name] = tomlkit.table(is_super_table=name == "lidars")
         table = table[name]
     value = tomlkit.inline_table()
-    value.update(
-        {
-            "value": _rounded(result.estimate.value),
-            "limit": _rounded(result.limit),
-            "n": result.estimate.n,
-            "date": date,
-            "version": version,
-            "how": result.how,
-        }
-    )
+    value["value"] = _rounded(result.estimate.value)
+    if result.limit is not None:
+        value["limit"] = _rounded(result.limit)
+    value.update({"n": result.estimate.n, "date": date, "version": version, "how": result.how})
     table[result.path[-1]] = value
 
 
@@ -94,4 +100,4 @@ def _rounded(value: float) -> float:
 
 def _others(text: str) -> dict[str, Any]:
     """Return all other sections of a file."""
-    return {key: value for key, value in tomllib.loads(text).items() if key != SECTION}
+    return {key: value for key, value in from_toml(text).items() if key != SECTION}

@@ -1,15 +1,17 @@
-"""Which way a lidar looks, and the scale and the signs of odometry, from straight drives and turns before a wall.
+"""Computes the yaw of a lidar, and the scale and the signs of odometry, from straight drives and turns before a wall.
 
-When the base drives the way s by odometry, the distance of a wall at the bearing φ from the lidar changes by
+When the base drives the distance s by odometry, the distance of a wall at the bearing φ from the lidar changes by
 
     Δd = -k · s · cos(φ - ψ)
 
-with the scale k (the true way per way of odometry) and the direction ψ of the base's x axis in the lidar's frame. The yaw of the
+with the scale k (true distance divided by distance of odometry) and the direction ψ of the base's x axis in the lidar's frame. The yaw of the
 mount is -ψ. Drives at two headings determine both. When the base turns, the bearing of the wall changes by the opposite angle; of
 a mirrored lidar, by the same.
 
 Motion alone cannot separate a mirrored lidar from a wrong turn sign of odometry, or a lidar that is turned by 180 degrees from a
 wrong forward sign: a person who sees the robot decides.
+
+The scale is that of odometry's poses. The law uses odometry's velocity: both must show the same motion.
 """
 
 import math
@@ -25,18 +27,24 @@ from commission.wall import Wall
 LEAST_M = 0.1
 LEAST_RAD = 0.3
 """A shorter drive or turn is not judged."""
-LEAST_SPREAD_RAD = 0.3
-"""With all walls at nearly the same bearing, straight drives do not show the yaw."""
+SPEED_SHARE = 0.1
+"""How much the integral of odometry's velocity may differ from the change of its pose."""
 
 
-class Straight(NamedTuple):
-    """A straight drive from rest to rest."""
+class Motion(NamedTuple):
+    """A straight drive or a turn on the spot, from rest to rest."""
 
-    odometry_m: float
-    """The way ahead by odometry; negative for a way back."""
+    odometry: float
+    """The distance ahead [m] or the turn counter-clockwise [rad], by the poses of odometry."""
+    by_speed: float
+    """The same by the integral of odometry's velocity."""
     before: Wall
     after: Wall
     """The wall in the lidar's frame, as seen from above."""
+
+    @property
+    def speed_disagrees(self) -> bool:
+        return abs(self.by_speed - self.odometry) > SPEED_SHARE * abs(self.odometry)
 
     @property
     def nearer_m(self) -> float:
@@ -46,14 +54,6 @@ class Straight(NamedTuple):
     def bearing_rad(self) -> float:
         """Mean bearing of the wall."""
         return self.before.bearing_rad + 0.5 * turn_between(self.before, self.after)
-
-
-class Turn(NamedTuple):
-    """A turn on the spot from rest to rest."""
-
-    odometry_rad: float
-    before: Wall
-    after: Wall
 
 
 def turn_between(before: Wall, after: Wall) -> float:
@@ -67,22 +67,16 @@ class Heading(NamedTuple):
     yaw_rad: Estimate
     """Direction of the lidar's x axis in the base frame."""
     scale: Estimate
-    """The true way per way of odometry."""
+    """True distance divided by distance of odometry."""
 
 
-def heading(straights: Sequence[Straight]) -> Heading:
-    """Return the yaw of the lidar and the scale of odometry, from at least three straight drives.
-
-    With all drives at one heading, the yaw stays unknown, and the scale is that of drives toward the wall.
-    """
-    driven = [one for one in straights if abs(one.odometry_m) >= LEAST_M]
+def heading(straights: Sequence[Motion]) -> Heading:
+    """Return the yaw of the lidar and the scale of odometry, from at least three straight drives at two headings."""
+    driven = [one for one in straights if abs(one.odometry) >= LEAST_M]
     if not driven:
         return Heading(UNKNOWN, UNKNOWN)
     bearings = np.array([one.bearing_rad for one in driven])
-    spread_rad = max(abs(math.remainder(b - bearings[0], math.tau)) for b in bearings.tolist())
-    if spread_rad < LEAST_SPREAD_RAD:
-        return Heading(UNKNOWN, of_repeats([one.nearer_m / one.odometry_m for one in driven]))
-    ways = np.array([one.odometry_m for one in driven])
+    ways = np.array([one.odometry for one in driven])
     design = np.stack((ways * np.cos(bearings), ways * np.sin(bearings)), axis=1)
     fit = least_squares(design, np.array([one.nearer_m for one in driven]))
     a, b = fit.parameters.tolist()
@@ -93,10 +87,10 @@ def heading(straights: Sequence[Straight]) -> Heading:
     return Heading(yaw, fit.estimate(scale, np.array([a, b]) / scale))
 
 
-def turn_scale(turns: Sequence[Turn]) -> Estimate:
-    """Return the true turn per turn of odometry; negative if lidar and odometry disagree on the direction."""
-    turned = [one for one in turns if abs(one.odometry_rad) >= LEAST_RAD]
-    return of_repeats([-turn_between(one.before, one.after) / one.odometry_rad for one in turned])
+def turn_scale(turns: Sequence[Motion]) -> Estimate:
+    """Return the true turn divided by the turn of odometry; negative if lidar and odometry disagree on the direction."""
+    turned = [one for one in turns if abs(one.odometry) >= LEAST_RAD]
+    return of_repeats([-turn_between(one.before, one.after) / one.odometry for one in turned])
 
 
 class Mistake(StrEnum):
@@ -108,39 +102,41 @@ class Mistake(StrEnum):
     BASE_TURNS_BACK = "the base turns right when it is commanded to turn left: correct the sign in its driver or swap its motors"
     ODOMETRY_BACKWARDS = "odometry has the wrong forward sign: correct it in the base's driver"
     ODOMETRY_TURNS_BACK = "odometry has the wrong turn sign: correct it in the base's driver"
+    ODOMETRY_SPEED = "the velocity of odometry is not that of its poses: correct it in the base's driver"
     LIDAR_TURNED = "the surface ahead, by the lidar's mount, is not ahead of the robot: correct yaw_rad, by π for example"
     LIDAR_MIRRORED = "the lidar is mirrored: change flip in its table"
 
 
-def forward_mistakes(drive: Straight, *, seen_ahead: bool) -> frozenset[Mistake]:
+def forward_mistakes(drive: Motion, *, seen_ahead: bool) -> frozenset[Mistake]:
     """Return what is wrong after a drive that was commanded ahead, toward the wall.
 
     Args:
         drive: the drive.
         seen_ahead: whether a person saw the robot drive ahead.
     """
-    found: set[Mistake] = set()
-    if not seen_ahead:
-        found.add(Mistake.BASE_BACKWARDS)
-    if (drive.odometry_m > 0.0) is not seen_ahead:
-        found.add(Mistake.ODOMETRY_BACKWARDS)
-    if (drive.nearer_m > 0.0) is not seen_ahead:
-        found.add(Mistake.LIDAR_TURNED)
-    return frozenset(found)
+    signs = (Mistake.BASE_BACKWARDS, Mistake.ODOMETRY_BACKWARDS, Mistake.LIDAR_TURNED)
+    return _mistakes(drive, drive.nearer_m, signs, as_commanded=seen_ahead)
 
 
-def turn_mistakes(turn: Turn, *, seen_left: bool) -> frozenset[Mistake]:
+def turn_mistakes(turn: Motion, *, seen_left: bool) -> frozenset[Mistake]:
     """Return what is wrong after a turn that was commanded to the left.
 
     Args:
         turn: the turn.
         seen_left: whether a person saw the robot turn left.
     """
-    found: set[Mistake] = set()
-    if not seen_left:
-        found.add(Mistake.BASE_TURNS_BACK)
-    if (turn.odometry_rad > 0.0) is not seen_left:
-        found.add(Mistake.ODOMETRY_TURNS_BACK)
-    if (turn_between(turn.before, turn.after) < 0.0) is not seen_left:
-        found.add(Mistake.LIDAR_MIRRORED)
-    return frozenset(found)
+    signs = (Mistake.BASE_TURNS_BACK, Mistake.ODOMETRY_TURNS_BACK, Mistake.LIDAR_MIRRORED)
+    return _mistakes(turn, -turn_between(turn.before, turn.after), signs, as_commanded=seen_left)
+
+
+def _mistakes(
+    motion: Motion, by_lidar: float, signs: tuple[Mistake, Mistake, Mistake], *, as_commanded: bool
+) -> frozenset[Mistake]:
+    base, odometry, lidar = signs
+    found = {
+        base: not as_commanded,
+        odometry: (motion.odometry > 0.0) is not as_commanded,
+        Mistake.ODOMETRY_SPEED: motion.speed_disagrees,
+        lidar: (by_lidar > 0.0) is not as_commanded,
+    }
+    return frozenset(mistake for mistake, is_made in found.items() if is_made)

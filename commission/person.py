@@ -1,8 +1,8 @@
 """The person at the terminal: what is shown, lines that answer questions, and any key that aborts a drive."""
 
 import os
+import select
 import signal
-import sys
 import termios
 import tty
 from contextlib import suppress
@@ -10,31 +10,8 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from deploy.stack.console import StatusLine
-from wire.text import printable
 
-READ_BYTES = 256
-LONGEST_LINE = 64
-_ENTER, _ERASE = "\r\n", "\x7f\b"
-
-
-class LineEditor:
-    """Makes lines of typed characters; pure."""
-
-    def __init__(self) -> None:
-        self.text = ""
-        """The line so far."""
-
-    def feed(self, typed: str) -> str | None:
-        """Add typed characters; return the line if Enter is among them, and discard what follows it."""
-        for character in typed:
-            if character in _ENTER:
-                line, self.text = self.text.strip(), ""
-                return line
-            if character in _ERASE:
-                self.text = self.text[:-1]
-            elif character.isprintable() and len(self.text) < LONGEST_LINE:
-                self.text += character
-        return None
+READ_BYTES = 1024
 
 
 class Person(Protocol):
@@ -51,17 +28,17 @@ class Person(Protocol):
         """Show a line in place of the previous one."""
         ...
 
-    def echo(self, text: str, *, ends: bool = False) -> None:
-        """Show the line that is being typed, and end it with Enter."""
+    def expect(self, *, line: bool) -> None:
+        """Discard what was typed before, and take a line that ends with Enter from now on, or each key at once."""
         ...
 
     def take(self) -> str:
-        """Return the characters that were typed since the last call."""
+        """Return the line or the keys that were typed since the last call; empty if there is none."""
         ...
 
 
 class TerminalPerson:
-    """The person at the terminal on standard input and output, whose keys are neither echoed nor waited for.
+    """The person at the terminal on standard input and output, who is never waited for.
 
     A context manager that restores the terminal. Ctrl-C stays a signal.
     """
@@ -72,38 +49,38 @@ class TerminalPerson:
 
     def __enter__(self) -> Self:
         # In the background, a read then fails instead of stopping this process and its heartbeat.
-        signal.signal(signal.SIGTTIN, signal.SIG_IGN)
+        for number in (signal.SIGTTIN, signal.SIGTTOU):
+            signal.signal(number, signal.SIG_IGN)
         self._modes = termios.tcgetattr(0)
-        tty.setcbreak(0)
-        os.set_blocking(0, False)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._status.clear()
-        os.set_blocking(0, True)
-        with suppress(termios.error, OSError):
+        with suppress(termios.error, OSError):  # the terminal may be closed
             termios.tcsetattr(0, termios.TCSAFLUSH, self._modes)
+            self._status.clear()
 
     def say(self, sentence: str) -> None:
-        self._status.say(f"lifeline: {sentence}")
+        with suppress(OSError):  # the terminal is closed, which the next read reports
+            self._status.say(f"lifeline: {sentence}")
 
     def show(self, line: str) -> None:
-        self._status.show(line)
+        with suppress(OSError):
+            self._status.show(line)
 
-    def echo(self, text: str, *, ends: bool = False) -> None:
-        end = "\n" if ends else ""
-        sys.stdout.write(f"\r\x1b[K> {printable(text)}{end}")
-        sys.stdout.flush()
+    def expect(self, *, line: bool) -> None:
+        with suppress(termios.error):
+            if line:
+                termios.tcsetattr(0, termios.TCSAFLUSH, self._modes)
+            else:
+                tty.setcbreak(0, termios.TCSAFLUSH)
 
     def take(self) -> str:
-        try:
-            data = os.read(0, READ_BYTES)
-        except BlockingIOError:
+        if not select.select([0], [], [], 0)[0]:
             return ""
-        except OSError:
-            data = b""
-        if not data:
-            self.has_ended = True
+        data = b""
+        with suppress(OSError):  # the terminal is closed, or in the background
+            data = os.read(0, READ_BYTES)
+        self.has_ended = self.has_ended or not data
         return data.decode("utf-8", "replace")

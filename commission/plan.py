@@ -1,7 +1,7 @@
-"""Which drives measure the robot, in which order, and the free area that each needs.
+"""The drives that measure the robot, their order, and the free area that each needs.
 
-A drive is planned only if even a late and weak base would stop `MARGIN_M` before the wall. The first drives are slow, and each speed
-is tried only after the one below it stopped within its planned way.
+A drive begins only if even a late and weak base would stop `MARGIN_M` before the wall. The first drives are slow. A faster stop is
+tried only after the slower one ended within its planned distance.
 """
 
 import math
@@ -20,9 +20,9 @@ TURN_RAD = 0.6
 STOP_SPEEDS_M_S = (0.2, 0.3, 0.4, 0.5)
 STOPS_AT_EACH = 2
 FACING_RAD = math.radians(30.0)
-"""The robot must face the wall about this exactly."""
+"""Largest angle between the robot's heading and the wall."""
 BACK_STOP_M = 0.04
-"""About the stop of a drive back."""
+"""Estimated stopping distance of a drive back."""
 LEAST_BACK_M = 0.1
 STEADY_S = 1.0
 """How long the robot drives at the full speed before it stops."""
@@ -37,31 +37,31 @@ class Base(NamedTuple):
     """Dead time and transport."""
 
     def stop_m(self, speed_m_s: float) -> float:
-        """Return the way of a stop from a speed: v·T + v²/2a."""
+        """Return the stopping distance from a speed: v·T + v²/2a."""
         return speed_m_s * self.reaction_s + speed_m_s**2 / (2.0 * self.deceleration_m_s2)
 
     def run_up_m(self, speed_m_s: float) -> float:
-        """Return the way on which the base reaches a speed, and keeps it for `STEADY_S`."""
+        """Return the distance in which the base reaches a speed, and then keeps it for `STEADY_S`."""
         return speed_m_s**2 / (2.0 * self.acceleration_m_s2) + speed_m_s * STEADY_S
 
 
 POOR_DECELERATION_M_S2 = 0.3
 POOR_REACTION_S = 0.6
-"""A base of which nothing is known: its dead time and the period of its lidar together."""
+"""Assumed for a base of which nothing is known: dead time and scan period together."""
 
 
 class Drive(NamedTuple):
     """One motion from rest to rest."""
 
     way_m: float = 0.0
-    """Way ahead until zero is commanded; negative for a way back."""
+    """Distance ahead until zero is commanded; negative for a drive back."""
     turn_rad: float = 0.0
-    """Turn on the spot, counter-clockwise; only one of both is not zero."""
+    """Turn on the spot, counter-clockwise; a drive has either a distance or a turn."""
     speed: float = SLOW_M_S
     """In m/s, or in rad/s for a turn; positive."""
 
     def back(self, there_m: float) -> "Drive":
-        """Return a drive back that ends where the drive before began, which has driven `there_m` with its stop."""
+        """Return a drive back as one that ends where the drive before began, which drove `there_m` with its stop."""
         return self._replace(way_m=-max(LEAST_BACK_M, there_m - BACK_STOP_M)) if self.way_m < 0.0 else self
 
     @property
@@ -69,7 +69,7 @@ class Drive(NamedTuple):
         return (abs(self.way_m) + abs(self.turn_rad)) / self.speed
 
     def needs_m(self, base: Base) -> float:
-        """Return the free way ahead that the drive needs: its own way, the longest stop, and the margin."""
+        """Return the free distance that the drive needs: its own, the longest stop, and the margin."""
         if self.way_m == 0.0:
             return MARGIN_M
         return abs(self.way_m) + base.stop_m(self.speed) + MARGIN_M
@@ -89,38 +89,32 @@ class Step(NamedTuple):
     purpose: str
     drives: tuple[Drive, ...]
     heading_rad: float = 0.0
-    """Where the robot faces when the step begins, counter-clockwise from the wall."""
+    """Heading of the robot when the step begins, counter-clockwise from the direction of the wall."""
     is_needed: bool = True
     """Whether the next steps need its result."""
 
-    def needs_m(self, base: Base) -> float:
-        """Return the free way toward the wall that the step needs."""
+    def needs_m(self, base: Base, *, behind: bool = False) -> float:
+        """Return the free distance that the step needs toward the wall, or behind the robot."""
+        sign = -1.0 if behind else 1.0
         at_m = most_m = 0.0
         for drive in self.drives:
-            if drive.way_m >= 0.0:
-                most_m = max(most_m, at_m + drive.needs_m(base))
-            at_m += drive.way_m  # turns shorten the way toward the wall, never lengthen it
-        return most_m
-
-    def needs_behind_m(self, base: Base) -> float:
-        """Return the free way behind the robot that the step needs."""
-        at_m = most_m = 0.0
-        for drive in self.drives:
-            at_m += drive.way_m
-            if drive.way_m < 0.0:
-                most_m = max(most_m, -at_m + base.stop_m(drive.speed) + MARGIN_M)
+            if sign * drive.way_m >= 0.0:
+                most_m = max(most_m, sign * at_m + drive.needs_m(base))
+            at_m += drive.way_m  # a turn shortens the distance toward the wall, and never lengthens it
         return most_m
 
 
 ESTOP_WAY_M = 1.0
 ESTOP = Step(
     "e-stop",
-    "whether it stops the robot: press the e-stop of Lifeline while the robot drives. It stays stopped after that",
+    "whether it stops the robot. Press the e-stop of Lifeline while the robot drives. It stays stopped after that",
     (Drive(ESTOP_WAY_M),),
     is_needed=False,
 )
-AHEAD = Step("ahead", "which way the base, its odometry and the lidar go", (Drive(AHEAD_M),))
-LEFT = Step("left", "which way they turn", (Drive(turn_rad=TURN_RAD, speed=SLOW_RAD_S),))
+AHEAD = Step("ahead", "the forward signs of base, odometry and lidar", (Drive(AHEAD_M),))
+LEFT = Step(
+    "left", "the turn signs of base, odometry and lidar", (Drive(turn_rad=TURN_RAD, speed=SLOW_RAD_S),)
+)
 HEADINGS = Step(
     "headings",
     "the yaw of the lidar and the scale of odometry",
@@ -137,7 +131,7 @@ HEADINGS = Step(
 
 
 def stops(speed_m_s: float, base: Base) -> Step:
-    """Return the step with the stops from one speed, each followed by the way back."""
+    """Return the step with the stops from one speed, each followed by the drive back."""
     way_m = base.run_up_m(speed_m_s)
     there, back = Drive(way_m, speed=speed_m_s), Drive(-way_m, speed=RETURN_M_S)
     return Step(
@@ -159,7 +153,7 @@ def problem(step: Step, base: Base, ahead_m: float, wall_rad: float) -> str | No
     Args:
         step: the step.
         base: what is assumed of the base.
-        ahead_m: the free way from the hull to the wall.
+        ahead_m: the free distance from the hull to the wall.
         wall_rad: the direction of the wall, counter-clockwise from straight ahead.
     """
     off_rad = math.remainder(wall_rad + step.heading_rad, math.tau)

@@ -4,7 +4,7 @@ A base that keeps its speed v for the dead time D, and then brakes with a, drive
 
     x / v = D + v / 2a
 
-is a line through the stops. The way x is measured at the wall, so that it contains what slipping wheels do not show in odometry.
+is a line through the stops. The distance x is measured at the wall, so it includes the slip of the wheels, which odometry hides.
 """
 
 import math
@@ -30,7 +30,7 @@ class Stop(NamedTuple):
     speed_m_s: float
     """True speed when zero was commanded."""
     way_m: float
-    """Way from then to the standstill, by the wall."""
+    """Distance from then to the standstill, by the wall."""
     odometry_m: float
     """The same by odometry, corrected by its scale."""
 
@@ -49,9 +49,9 @@ def stop_of(
     Args:
         stopped_s: when zero was commanded.
         rest_s: when the robot had been at rest for `REST_S`.
-        odometry: (n, 3) arrival [s], way toward the wall [m], speed toward it [m/s].
+        odometry: (n, 3) arrival [s], way toward the wall by the poses [m], speed toward it by the velocities [m/s].
         walls: (m, 2) arrival [s], distance [m].
-        scale: the true way per way of odometry.
+        scale: true distance divided by distance of odometry.
         latency_s: latency of the scans.
     """
     at_s = odometry[:, 0]
@@ -62,12 +62,13 @@ def stop_of(
     walls_after = (seen_s > rest_s - REST_S) & (seen_s <= rest_s)
     if min(len(before), len(after)) < 2 or not walls_before.any() or not walls_after.any():
         return None
-    speed_m_s = scale * float(before[:, 2].mean())
-    if speed_m_s < LEAST_SPEED_M_S or scale * float(np.ptp(before[:, 2])) > 2 * UNSTEADY_SHARE * speed_m_s:
+    # By the poses: their scale is known, that of the velocities is not.
+    line: Floats = np.polyfit(before[:, 0] - stopped_s, before[:, 1], 1)
+    speed_m_s, driven_m = scale * float(line[0]), float(line[1])
+    if speed_m_s < LEAST_SPEED_M_S or np.ptp(before[:, 2]) > 2 * UNSTEADY_SHARE * abs(before[:, 2].mean()):
         return None
     # At a steady speed, each earlier sample shows where the robot was when zero was commanded.
     then_m = float(np.mean(walls[walls_before, 1] - speed_m_s * (stopped_s - seen_s[walls_before])))
-    driven_m = float(np.mean(before[:, 1] + before[:, 2] * (stopped_s - before[:, 0])))
     way_m = then_m - float(walls[walls_after, 1].mean())
     return Stop(speed_m_s, way_m, scale * (float(after[:, 1].mean()) - driven_m))
 
@@ -78,7 +79,7 @@ class Brakes(NamedTuple):
     dead_time_s: Estimate
     deceleration_m_s2: Estimate
     slip: Estimate
-    """The part of the way of a stop that odometry does not show, as a share."""
+    """Share of the stopping distance that odometry does not show."""
 
 
 def brakes(stops: Sequence[Stop]) -> Brakes:

@@ -1,25 +1,17 @@
-"""The rate, the noise and the latency of a lidar."""
+"""The noise and the latency of a lidar."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
-from commission.estimate import UNKNOWN, Estimate, Floats, least_squares, of_repeats
+from commission.estimate import UNKNOWN, Estimate, Floats, least_squares
 
 LEAST_SCANS = 10
-LONGEST_S = 0.5
-"""The longest latency that can be configured."""
-EARLIEST_S = -0.1
 STEP_S = 0.005
-LEAST_CHANGE_M_S = 0.05
-"""A drive whose speed varies less does not show a latency."""
-REFINEMENTS = 8
-
-
-def period(arrivals_s: Sequence[float]) -> Estimate:
-    """Return the time between two scans [s]."""
-    return of_repeats(np.diff(np.asarray(arrivals_s, dtype=np.float64)).tolist())
+DELAYS_S = np.arange(-0.1, 0.5, STEP_S)
+"""The latencies that are tried, up to the longest that can be configured."""
+LEAST_BEND_M = 0.02
+"""A motion whose distance over time is nearer to a straight line does not show a latency."""
 
 
 def noise(ranges_m: Floats) -> Estimate:
@@ -43,8 +35,8 @@ def noise(ranges_m: Floats) -> Estimate:
     return Estimate(sigma_m, 1.96 * 1.2533 * sigma_m / math.sqrt(2.0 * freedom * beams), scans * beams)
 
 
-def latency(scans_s: Floats, distances_m: Floats, odometry_s: Floats, ways_m: Floats) -> Estimate:
-    """Return how much later than odometry the scans show a motion toward the wall [s].
+def latency(scans_s: Floats, distances_m: Floats, odometry_s: Floats, ways_m: Floats) -> float:
+    """Return how much later than odometry the scans show a motion toward the wall [s]; NaN if it is not seen.
 
     The delay between the distance of the wall and the way by odometry, by least squares: d(t) = d0 - k·x(t - τ). Only a motion
     of which the speed changes shows it. The latency of odometry itself is not part of it.
@@ -55,33 +47,23 @@ def latency(scans_s: Floats, distances_m: Floats, odometry_s: Floats, ways_m: Fl
         odometry_s: (m,) times at which odometry arrived.
         ways_m: (m,) way toward the wall by odometry.
     """
-    if len(scans_s) < LEAST_SCANS:
-        return UNKNOWN
-    later = np.diff(odometry_s, prepend=-math.inf) > 0.0
-    odometry_s, ways_m = odometry_s[later], ways_m[later]
-    if len(odometry_s) < LEAST_SCANS:
-        return UNKNOWN
-    speeds_m_s = np.gradient(ways_m, odometry_s)
-    if float(np.ptp(speeds_m_s)) < LEAST_CHANGE_M_S:
-        return UNKNOWN
-
-    def design(tau_s: float) -> Floats:
-        ways = np.interp(scans_s - tau_s, odometry_s, ways_m)
-        return np.stack((np.ones_like(ways), -ways), axis=1)
+    if min(len(scans_s), len(odometry_s)) < LEAST_SCANS:
+        return math.nan
+    steadily = np.stack((np.ones_like(odometry_s), odometry_s - odometry_s[0]), axis=1)
+    line: Floats = steadily @ least_squares(steadily, ways_m).parameters
+    if np.ptp(ways_m - line) < LEAST_BEND_M:
+        return math.nan
 
     def misfit(tau_s: float) -> float:
-        matrix = design(tau_s)
-        residuals = distances_m - matrix @ np.linalg.lstsq(matrix, distances_m, rcond=None)[0]
+        ways = np.interp(scans_s - tau_s, odometry_s, ways_m)
+        design = np.stack((np.ones_like(ways), ways), axis=1)
+        residuals = distances_m - design @ np.linalg.lstsq(design, distances_m, rcond=None)[0]
         return float(residuals @ residuals)
 
-    tau_s = min(np.arange(EARLIEST_S, LONGEST_S, STEP_S).tolist(), key=misfit)
-    fit = least_squares(design(tau_s), distances_m)
-    for _ in range(REFINEMENTS):
-        scale = float(fit.parameters[1])
-        change = scale * np.interp(scans_s - tau_s, odometry_s, speeds_m_s)  # of d by τ
-        fit = least_squares(np.column_stack((design(tau_s), change)), distances_m)
-        step_s = float(np.clip(fit.parameters[2], -STEP_S, STEP_S))
-        tau_s += step_s
-    if not EARLIEST_S <= tau_s <= LONGEST_S:
-        return UNKNOWN
-    return fit.estimate(tau_s, np.array([0.0, 0.0, 1.0]))
+    misfits = [misfit(tau_s) for tau_s in DELAYS_S.tolist()]
+    best = misfits.index(min(misfits))
+    if not 0 < best < len(misfits) - 1:
+        return math.nan
+    # The lowest point of the parabola through the best delay and its neighbours.
+    before, at, after = misfits[best - 1 : best + 2]
+    return float(DELAYS_S[best]) + 0.5 * STEP_S * (before - after) / (before - 2.0 * at + after)

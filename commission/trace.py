@@ -1,15 +1,16 @@
-"""What was heard during the drives: odometry, scans, the wall in them, and the supervisor's commands."""
+"""Records the drives: odometry, scans, the wall in them, and the supervisor's commands."""
 
 import math
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
 
 from commission.estimate import Floats
-from commission.mounting import Straight, Turn
+from commission.mounting import Motion
 from commission.wall import Wall, follow, nearest_wall
 from supervisor.law.scan import Geometry, LaserScan, Mount
-from teleop.path.course import Pose, wrap
+from teleop.path.course import Pose, seen_from, wrap
 
 MAX_SAMPLES = 60_000
 """Twenty minutes of odometry at 50 Hz; older samples are dropped."""
@@ -40,12 +41,7 @@ class Command(NamedTuple):
     """A command of the supervisor to the base."""
 
     at_s: float
-    linear_m_s: float
-    angular_rad_s: float
-
-    @property
-    def is_zero(self) -> bool:
-        return self.linear_m_s == 0.0 and self.angular_rad_s == 0.0
+    is_zero: bool
 
 
 class Trace:
@@ -57,19 +53,11 @@ class Trace:
 
     def __init__(self, mount: Mount) -> None:
         self._mount = mount
-        self.odometry: list[Odom] = []
-        self.scans: list[Scan] = []
-        self.commands: list[Command] = []
+        self.odometry = deque[Odom](maxlen=MAX_SAMPLES)
+        self.scans = deque[Scan](maxlen=MAX_SAMPLES)
+        self.commands = deque[Command](maxlen=MAX_SAMPLES)
         self._wall: tuple[float, float, Wall] | None = None
         """When the wall was seen last, the yaw by odometry at this time, and the wall."""
-
-    def add_odometry(self, odom: Odom) -> None:
-        self.odometry.append(odom)
-        del self.odometry[:-MAX_SAMPLES]
-
-    def add_command(self, command: Command) -> None:
-        self.commands.append(command)
-        del self.commands[:-MAX_SAMPLES]
 
     def add_scan(self, scan: LaserScan) -> None:
         """Add a scan, and follow the wall in it."""
@@ -91,7 +79,6 @@ class Trace:
         if wall is not None:
             self._wall = (at_s, yaw_rad, wall)
         self.scans.append(Scan(at_s, ranges, wall))
-        del self.scans[:-MAX_SAMPLES]
 
     def forget_wall(self) -> None:
         """Choose the nearest wall anew in the next scan."""
@@ -106,9 +93,9 @@ class Trace:
     def between(self, from_s: float, to_s: float) -> "Trace":
         """Return the samples of a time."""
         part = Trace(self._mount)
-        part.odometry = [one for one in self.odometry if from_s <= one.at_s <= to_s]
-        part.scans = [one for one in self.scans if from_s <= one.at_s <= to_s]
-        part.commands = [one for one in self.commands if from_s <= one.at_s <= to_s]
+        part.odometry.extend(one for one in self.odometry if from_s <= one.at_s <= to_s)
+        part.scans.extend(one for one in self.scans if from_s <= one.at_s <= to_s)
+        part.commands.extend(one for one in self.commands if from_s <= one.at_s <= to_s)
         return part
 
     def mean_wall(self) -> Wall | None:
@@ -131,12 +118,8 @@ class Trace:
         return np.array([scan.ranges_m for scan in self.scans if len(scan.ranges_m) == beams])
 
     def toward(self, start: Pose) -> Floats:
-        """Return odometry (n, 3): arrival [s], way ahead since a pose [m], speed [m/s]."""
-        cos, sin = math.cos(start.yaw_rad), math.sin(start.yaw_rad)
-        rows = [
-            (one.at_s, cos * (one.pose.x_m - start.x_m) + sin * (one.pose.y_m - start.y_m), one.linear_m_s)
-            for one in self.odometry
-        ]
+        """Return odometry (n, 3): arrival [s], distance ahead of a pose [m], speed [m/s]."""
+        rows = [(one.at_s, ahead_m(start, one.pose), one.linear_m_s) for one in self.odometry]
         return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
     def walls(self) -> Floats:
@@ -146,32 +129,30 @@ class Trace:
 
 
 class Driven(NamedTuple):
-    """A drive that was driven from rest to rest."""
+    """The samples of one drive, from rest to rest."""
 
     trace: Trace
     """From before the start to the rest."""
     start: Pose
-    end: Pose
+    speed: float
+    """The commanded speed, in m/s or rad/s; positive."""
     before: Wall
     after: Wall
-    started_s: float
     stopped_s: float
     """When the supervisor commanded zero to the base."""
     rest_s: float
+    is_stopped: bool
+    """Whether an expected stop of the supervisor ended it."""
 
-    @property
-    def way_m(self) -> float:
-        """Way ahead by odometry."""
-        return ahead_m(self.start, self.end)
-
-    def straight(self) -> Straight:
-        return Straight(self.way_m, self.before, self.after)
-
-    def turn(self) -> Turn:
-        return Turn(wrap(self.end.yaw_rad - self.start.yaw_rad), self.before, self.after)
+    def motion(self, *, is_turn: bool) -> Motion:
+        odometry = self.trace.odometry
+        end = odometry[-1].pose
+        change = wrap(end.yaw_rad - self.start.yaw_rad) if is_turn else ahead_m(self.start, end)
+        speeds = [one.angular_rad_s if is_turn else one.linear_m_s for one in odometry]
+        by_speed = float(np.trapezoid(speeds, [one.at_s for one in odometry]))
+        return Motion(change, by_speed, self.before, self.after)
 
 
 def ahead_m(start: Pose, end: Pose) -> float:
-    """Return the way ahead from one pose to another, along the heading of the first."""
-    cos, sin = math.cos(start.yaw_rad), math.sin(start.yaw_rad)
-    return cos * (end.x_m - start.x_m) + sin * (end.y_m - start.y_m)
+    """Return the distance from one pose to another, along the heading of the first."""
+    return float(seen_from(np.array([end]), start)[0, 0])

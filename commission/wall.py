@@ -1,4 +1,4 @@
-"""Find a flat wall in a scan, and follow it: a robust line through the returns, with its uncertainty.
+"""Finds a flat wall in a scan, and follows it: a robust line through the returns.
 
 A line is found by random pairs of returns (RANSAC, with a fixed seed), and fitted by total least squares to the returns near it.
 """
@@ -34,13 +34,7 @@ class Wall(NamedTuple):
     """Perpendicular distance of the origin."""
     bearing_rad: float
     """Direction from the origin to the nearest point of its line."""
-    distance_sd_m: float
-    bearing_sd_rad: float
-    """Standard deviations of both, by the scatter of the returns."""
-    returns: int
     length_m: float
-    noise_m: float
-    """Standard deviation of the returns from the line."""
 
 
 def nearest_wall(angles_rad: Floats, ranges_m: Floats) -> Wall | None:
@@ -124,30 +118,22 @@ def _fit(points: Floats) -> Wall | None:
     distance_m = float(centre @ normal)
     if distance_m < 0.0:
         distance_m, normal = -distance_m, -normal
-    along = np.array([-normal[1], normal[0]])
-    along_m = kept @ along
-    length_m = float(np.ptp(along_m))
-    noise_m = max(LEAST_SIGMA_M, float(np.std(kept @ normal, ddof=2)))
+    length_m = float(np.ptp(_along(kept, normal)))
     if length_m < LEAST_LENGTH_M:
         return None
-    spread_m2 = float(np.sum((along_m - along_m.mean()) ** 2))
-    bearing_sd_rad = noise_m / math.sqrt(spread_m2)
-    return Wall(
-        distance_m,
-        math.atan2(normal[1], normal[0]),
-        math.hypot(noise_m / math.sqrt(len(kept)), float(along_m.mean()) * bearing_sd_rad),
-        bearing_sd_rad,
-        len(kept),
-        length_m,
-        noise_m,
-    )
+    return Wall(distance_m, math.atan2(normal[1], normal[0]), length_m)
+
+
+def _along(points: Floats, normal: Floats) -> Floats:
+    """Return how far along a line points (m, 2) lie."""
+    return points @ np.array([-normal[1], normal[0]])
 
 
 def _longest_part(points: Floats, normal: Floats) -> Floats:
     """Return the points (m, 2) of the longest part of a line without a wide gap."""
     if len(points) == 0:
         return points
-    along_m = points @ np.array([-normal[1], normal[0]])
+    along_m = _along(points, normal)
     order = np.argsort(along_m)
     ends = np.flatnonzero(np.diff(along_m[order]) > WIDEST_GAP_M) + 1
     parts = np.split(order, ends)

@@ -1,4 +1,4 @@
-"""What is expected of one drive of the first drive, and what is a surprise. Pure."""
+"""Compares one drive with its plan, and reports what is unexpected. Pure."""
 
 import math
 
@@ -20,7 +20,7 @@ OVERTIME_SHARE, OVERTIME_S = 2.0, 3.0
 
 
 class Watch:
-    """What is expected of one drive, and what would be a surprise."""
+    """Compares one drive with its plan."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class Watch:
         self._latest_s = started_s + OVERTIME_SHARE * drive.lasts_s + OVERTIME_S
 
     def _done(self, odom: Odom) -> float:
-        """Return the way or the turn in the commanded direction, by odometry."""
+        """Return the distance or the turn in the commanded direction, by odometry."""
         if self._drive.turn_rad:
             return wrap(odom.pose.yaw_rad - self._start.yaw_rad) * math.copysign(1.0, self._drive.turn_rad)
         return ahead_m(self._start, odom.pose) * math.copysign(1.0, self._drive.way_m)
@@ -60,13 +60,16 @@ class Watch:
         done = abs(self._done(odom))
         return f"{math.degrees(done):.0f}°" if self._drive.turn_rad else f"{done:.2f} m"
 
-    def is_too_near(self, gap_m: float) -> bool:
-        return gap_m < self._least_m
+    def too_near(self, gap_m: float) -> str | None:
+        """Return a text if the robot is closer to the wall than planned; else None."""
+        if gap_m >= self._least_m:
+            return None
+        return f"it comes closer to the wall than planned: {gap_m:.2f} m from the hull"
 
     def surprise(self, now_s: float, odom: Odom, wall: Wall, gap_m: float) -> str | None:
         """Return what is unexpected; None if nothing is."""
-        if self.is_too_near(gap_m):
-            return f"it comes closer to the wall than planned: {gap_m:.2f} m from the hull"
+        if (near := self.too_near(gap_m)) is not None:
+            return near
         if now_s > self._latest_s:
             return f"it takes longer than planned: {self.progress(odom)} in {now_s - self._started_s:.0f} s"
         done, is_turn = self._done(odom), bool(self._drive.turn_rad)
@@ -87,7 +90,5 @@ class Watch:
                     else "the robot does not move: check its e-stop and its drives"
                 )
             if not by_wall:
-                return (
-                    "odometry shows a motion, and the wall does not: the wheels slip, or the lidar is frozen"
-                )
+                return "odometry shows a motion, and the wall does not: the wheels slip, or the lidar is frozen or looks elsewhere"
         return None

@@ -1,9 +1,8 @@
-"""The section `[measured]` of robot.toml: what the first drive of the robot has shown. `lifeline commission` writes it.
+"""The section `[measured]` of robot.toml: the results of the first drive, written by `lifeline commission`.
 
-The law does not read it. `lifeline check` compares it with what is configured.
+The law does not read it. `lifeline check` compares it with the configuration.
 """
 
-from collections.abc import Iterator
 from typing import Annotated
 
 from pydantic import Field
@@ -14,18 +13,23 @@ Text = Annotated[str, Field(max_length=200)]
 MAX_LIDARS = 4
 
 
-class MeasuredValue(Section):
-    """One measured number."""
+class MeasuredTrial(Section):
+    """One number, without an interval."""
 
     value: Annotated[float, Between(-1000.0, 1000.0)]
-    limit: Annotated[float, Between(-1000.0, 1000.0)]
-    """The end of the 95 % interval on the unsafe side."""
     n: Annotated[int, Between(1, 10_000_000)]
     """Number of measurements."""
     date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
     version: Text
     """Version of Lifeline that measured it."""
     how: Text
+
+
+class MeasuredValue(MeasuredTrial):
+    """One measured number with its interval."""
+
+    limit: Annotated[float, Between(-1000.0, 1000.0)]
+    """The end of the 95 % interval on the unsafe side."""
 
 
 class MeasuredLidar(Section):
@@ -43,24 +47,14 @@ class MeasuredSection(Section):
     deceleration_m_s2: MeasuredValue | None = None
     dead_time_s: MeasuredValue | None = None
     slip: MeasuredValue | None = None
-    """Share of a stop's way that odometry does not show."""
+    """Share of the stopping distance that odometry does not show."""
     odometry_scale: MeasuredValue | None = None
-    """The true way per way of odometry."""
+    """True distance divided by distance of odometry."""
     turn_scale: MeasuredValue | None = None
-    """The true turn per turn of odometry."""
+    """True turn divided by turn of odometry."""
     base_timeout_s: MeasuredValue | None = None
-    """How long the base drives on without a command; written by hand, from `lifeline ros2 check-base`."""
-    estop_s: MeasuredValue | None = None
-    """Time from an e-stop to the standstill."""
+    """How long the base continues without a command; written by hand, from `lifeline ros2 check-base`."""
+    estop_s: MeasuredTrial | None = None
+    """Time from the first zero command to the standstill, of the e-stop that was tried."""
     lidars: dict[Name, MeasuredLidar] = Field(default={}, max_length=MAX_LIDARS)
     """By the name of the lidar."""
-
-    def values(self) -> Iterator[tuple[str, MeasuredValue]]:
-        """Yield the path and the value of every number."""
-        for key in type(self).model_fields:
-            if isinstance(value := getattr(self, key), MeasuredValue):
-                yield key, value
-        for name, lidar in self.lidars.items():
-            for key in type(lidar).model_fields:
-                if isinstance(value := getattr(lidar, key), MeasuredValue):
-                    yield f"lidars.{name}.{key}", value

@@ -1,6 +1,6 @@
-"""Compares what is configured with what was measured: `[measured]` of robot.toml.
+"""Compares the configuration with the measurements in `[measured]` of robot.toml.
 
-Of a real base, what was not measured is a risk. A number that was measured worse than it is configured is one of every base.
+A number whose measurement is worse than its configured value is a risk. For a real base, so is a number that was not measured.
 """
 
 import math
@@ -12,14 +12,14 @@ from supervisor.law.base_braking import LATE_S, LEAST_SPEED_M_S
 from supervisor.measured import MeasuredLidar, MeasuredSection, MeasuredValue
 
 HOW = "`lifeline commission FILE` measures it"
-# A measured number is part of the setting's text: a risk that was accepted before the measurement is then a new one.
+# A measured number is part of the setting's text, so a risk that was accepted before the measurement is reported again.
 
 YAW_RAD = math.radians(3.0)
 """At 1 m, a wall is then 5 cm from where it is expected."""
 LATENCY_S = 0.03
 """Smaller differences are the error of a measurement."""
 SCALE = 0.05
-"""Odometry with a larger error changes each measured deceleration and each way by as much."""
+"""Each deceleration and each distance that the law measures has the same error as odometry."""
 PERIOD_SHARE = 1.1
 
 
@@ -31,7 +31,7 @@ class Risk(NamedTuple):
 
 
 def unproven(config: SupervisorSection, measured: MeasuredSection | None, *, is_real: bool) -> Iterator[Risk]:
-    """Yield every number that was not measured, or that was measured worse.
+    """Yield a risk for each number that was not measured, or whose measurement is worse than its configured value.
 
     Args:
         config: the section `[supervisor]`.
@@ -64,8 +64,8 @@ def _of_deceleration(
     elif measured is not None and measured.limit < config.deceleration_m_s2:
         yield Risk(
             f"{setting} (measured: {measured.limit:g})",
-            f"The base braked with {measured.value:g} m/s² when it was measured on {measured.date}, and only {measured.limit:g} "
-            "m/s² is proven: set at most this.",
+            f"On {measured.date}, the base braked with {measured.value:g} m/s², of which {measured.limit:g} m/s² is proven: set at most "
+            f"{measured.limit:g}.",
         )
     elif measured is None and is_real:
         yield Risk(
@@ -86,7 +86,7 @@ def _of_dead_time(
     elif measured is not None and measured.limit > config.base_dead_time_s + LATE_S:
         yield Risk(
             f"{setting} (measured: {measured.limit:g})",
-            f"The base reacted after up to {measured.limit:g} s when it was measured on {measured.date}: set this.",
+            f"On {measured.date}, the base reacted after up to {measured.limit:g} s: set this.",
         )
 
 
@@ -103,12 +103,12 @@ def _of_base_timeout(
     elif measured is not None and measured.limit > config.base_timeout_s:
         yield Risk(
             f"{setting} (measured: {measured.limit:g})",
-            "The base drove on for so long without a command: set this.",
+            f"The base continued for up to {measured.limit:g} s without a command: set this.",
         )
 
 
 def _of_odometry(measured: MeasuredSection, *, is_real: bool) -> Iterator[Risk]:
-    for key, what in (("odometry_scale", "way"), ("turn_scale", "turn")):
+    for key, what in (("odometry_scale", "distance"), ("turn_scale", "turn")):
         value: MeasuredValue | None = getattr(measured, key)
         if value is not None and abs(value.limit - 1.0) > SCALE:
             yield Risk(
@@ -116,9 +116,7 @@ def _of_odometry(measured: MeasuredSection, *, is_real: bool) -> Iterator[Risk]:
                 f"The true {what} is {value.value:g} times that of odometry: correct the wheels' size and distance in the base's driver.",
             )
         elif value is None and is_real:
-            yield Risk(
-                f"no measured {key}", f"Nothing proves that a {what} by odometry is a true one; {HOW}."
-            )
+            yield Risk(f"no measured {key}", f"Nothing proves the scale of a {what} by odometry; {HOW}.")
 
 
 def _of_lidar(
@@ -145,17 +143,18 @@ def _of_lidar(
         yield Risk(setting, f"Nothing proves that the scans are not older than configured; {HOW}.")
     elif latency is not None and latency.limit > configured_s + LATENCY_S:
         yield Risk(
-            f"{setting} (measured: {latency.limit:g})", "The scans are older than configured: set this."
+            f"{setting} (measured: {latency.limit:g})",
+            "The scans are older than configured: set the measured limit.",
         )
     usual_s = lidar.usual_period_s()
     if period is not None and usual_s is not None and period.value > PERIOD_SHARE * usual_s:
         yield Risk(
             f"period_s of {lidar.name} = {usual_s:g} (measured: {period.value:g})",
-            "A scan arrives less often than configured: set this.",
+            "Scans arrive less often than configured: set the measured period.",
         )
     timeout_s = config.scan_timeout_of(lidar)
     if period is not None and period.limit > timeout_s:
         yield Risk(
             f"timeout of {lidar.name} = {timeout_s:g} (measured: {period.limit:g})",
-            "So much time passed between two scans, although the robot stood: it would have stopped.",
+            "The robot was at rest and the gap between two scans was longer than the timeout: such a gap stops the robot.",
         )

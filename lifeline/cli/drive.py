@@ -211,8 +211,8 @@ def commission(
     from deploy.stack.launch import Launch
     from deploy.stack.statedir import StateDir
 
-    launch = Launch.find(StateDir.choose(state_dir), file, endpoint, keys_dir)
-    commission(file, launch, source, lidar)
+    state = StateDir.choose(state_dir)
+    commission(file, Launch.find(state, file, endpoint, keys_dir), source, lidar, Launch.running(state))
 
 
 @robot_command(path_app, "square")

@@ -3,7 +3,7 @@
 import asyncio
 import tomllib
 from collections import deque
-from collections.abc import AsyncGenerator, Mapping
+from collections.abc import AsyncGenerator, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,16 +11,20 @@ from typing import Any
 
 import pytest
 
+from commission import plan
 from commission.commission import EXIT_ABORTED, Conductor
+from commission.mounting import Mistake
+from sim import service
 from sim.config import SimSection
 from sim.lidar_config import SimLidarSection
-from sim.motion_sensors import EncoderConfig
+from sim.messages import to_odometry
+from sim.motion_sensors import EncoderConfig, Reckoning
 from sim.plant import Plant
 from sim.service import SimService
 from supervisor.config import LidarSection, SupervisorSection
 from tests.component.rig import Rig
 from wire import topics
-from wire.messages import Bool, Point
+from wire.messages import Bool, Odometry, Point
 
 HALL = "[hall]\nsize_m = [12.0, 10.0]\n\n[start]\nx_m = {x_m}\n"
 """The wall is at x = 6 m, ahead of the robot, and all others are farther away."""
@@ -58,6 +62,7 @@ class ScriptedPerson:
     answers: Mapping[str, str]
     said: list[str] = field(default_factory=list[str])
     typed: str = ""
+    is_asked: bool = False
     has_ended: bool = False
 
     def say(self, sentence: str) -> None:
@@ -66,13 +71,12 @@ class ScriptedPerson:
     def show(self, line: str) -> None:
         pass
 
-    def echo(self, text: str, *, ends: bool = False) -> None:
-        if text or ends:
-            return
-        answer = next((answer for words, answer in self.answers.items() if words in self.said[-1]), "end")
-        self.typed += f"{answer}\r"
+    def expect(self, *, line: bool) -> None:
+        self.typed, self.is_asked = "", line
 
     def take(self) -> str:
+        if self.is_asked:
+            return next((answer for words, answer in self.answers.items() if words in self.said[-1]), "end")
         typed, self.typed = self.typed, ""
         return typed
 
@@ -90,6 +94,13 @@ class FirstDrive:
 
     async def run(self) -> int:
         return await self.conductor.run(self.stop)
+
+    @property
+    def speed_m_s(self) -> float:
+        return self.plant.true_velocity.linear_m_s
+
+    def has_said(self, words: str) -> bool:
+        return any(words in said for said in self.person.said)
 
     @property
     def measured(self) -> dict[str, Any]:
@@ -129,6 +140,13 @@ async def first_drive(
         finally:
             stop.set()
             await serving
+
+
+async def until(drive: FirstDrive, running: asyncio.Task[int], holds: Callable[[], bool]) -> None:
+    """Let time pass until something holds; the command must not end before."""
+    while not holds():
+        assert not running.done(), drive.person.said
+        await drive.rig.pass_time(0.05)
 
 
 SIM = SimSection(
@@ -235,16 +253,89 @@ async def test_a_key_ends_a_drive_at_once_and_the_person_may_repeat_the_step(tmp
     answers = {**ANSWERS, "Type again for this step": "again"}
     async with first_drive(tmp_path, SIM, CONFIG, answers) as drive:
         running = asyncio.create_task(drive.run())
-        while drive.plant.true_velocity.linear_m_s < 0.05:
-            await drive.rig.pass_time(0.05)
+        await until(drive, running, lambda: drive.speed_m_s > 0.05)
         drive.person.typed = "x"
         await drive.rig.pass_time(0.5)
         assert abs(drive.plant.true_velocity.linear_m_s) < 0.005
-        while not any("Step left" in said for said in drive.person.said):
-            await drive.rig.pass_time(0.1)
-        assert any("step ahead: a key was pressed" in said for said in drive.person.said)
+        await until(drive, running, lambda: drive.has_said("Step left"))
+        assert drive.has_said("step ahead: a key was pressed")
         drive.stop.set()
         await running
+
+
+@pytest.mark.timeout(600)
+async def test_a_key_between_two_drives_of_a_step_keeps_the_robot_at_rest(tmp_path: Path) -> None:
+    async with first_drive(tmp_path, SIM, CONFIG) as drive:
+        running = asyncio.create_task(drive.run())
+        await until(drive, running, lambda: drive.has_said("Step headings"))
+        await until(drive, running, lambda: drive.speed_m_s > 0.05)
+        await until(drive, running, lambda: drive.speed_m_s < 0.005)
+        drive.person.typed = "x"
+        assert await running == EXIT_ABORTED
+        assert "a key was pressed" in drive.person.said[-1]
+        assert drive.plant.true_velocity.linear_m_s == pytest.approx(0.0, abs=0.005)
+
+
+async def test_when_the_supervisor_falls_silent_the_person_must_switch_the_robot_off(tmp_path: Path) -> None:
+    async with first_drive(tmp_path, SIM, CONFIG) as drive:
+        running = asyncio.create_task(drive.run())
+        await until(drive, running, lambda: drive.speed_m_s > 0.05)
+        drive.rig.network.cut("path")
+        assert await running == EXIT_ABORTED
+        assert "the supervisor is silent: if the robot moves, switch it off" in drive.person.said[-1]
+
+
+@pytest.fixture
+def only_estop(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the headings and the stops, and drive a shorter distance."""
+    back = plan.Drive(turn_rad=-plan.TURN_RAD, speed=plan.SLOW_RAD_S)
+    monkeypatch.setattr(plan, "HEADINGS", plan.HEADINGS._replace(drives=(back,)))
+    monkeypatch.setattr(plan, "STOP_SPEEDS_M_S", ())
+    monkeypatch.setattr(plan, "ESTOP", plan.ESTOP._replace(drives=(plan.Drive(0.3),)))
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.usefixtures("only_estop")
+async def test_an_estop_after_the_drive_does_not_count(tmp_path: Path) -> None:
+    answers = {**ANSWERS, "skip to leave it out": "skip"}
+    async with first_drive(tmp_path, SIM, CONFIG, answers) as drive:
+        running = asyncio.create_task(drive.run())
+        await until(drive, running, lambda: drive.has_said("Step e-stop"))
+        await until(drive, running, lambda: drive.speed_m_s > 0.05)
+        await until(drive, running, lambda: drive.speed_m_s < 0.005)
+        drive.rig.outsider.publisher(topics.ESTOP).put(Bool(data=True))
+        assert await running == 0
+        assert drive.has_said("no e-stop was heard")
+    assert "estop_s" not in drive.measured
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.usefixtures("only_estop")
+async def test_a_file_that_became_unusable_during_the_drives_may_be_corrected_and_written(
+    tmp_path: Path,
+) -> None:
+    answers = {**ANSWERS, "skip to leave it out": "skip"}
+    async with first_drive(tmp_path, SIM, CONFIG, answers) as drive:
+        drive.file.write_text("measured = {}\n")
+        running = asyncio.create_task(drive.run())
+        await until(drive, running, lambda: drive.has_said("Correct it, and try again"))
+        drive.file.write_text("[measured]\n")
+        assert await running == 0
+    assert drive.value("lidars", "lidar", "noise_m") == pytest.approx(0.004, rel=0.05)
+
+
+async def test_odometry_whose_velocity_is_not_that_of_its_poses_ends_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def too_fast(reckoning: Reckoning) -> Odometry:
+        message = to_odometry(reckoning)
+        message.twist.twist.linear.x *= 1.2
+        return message
+
+    monkeypatch.setattr(service, "to_odometry", too_fast)
+    async with first_drive(tmp_path, SIM, CONFIG) as drive:
+        assert await drive.run() == EXIT_ABORTED
+        assert Mistake.ODOMETRY_SPEED in drive.person.said[-1]
 
 
 async def test_a_person_who_does_not_confirm_ends_it_before_the_robot_moves(tmp_path: Path) -> None:
@@ -264,8 +355,7 @@ async def test_a_robot_too_near_to_the_wall_says_what_it_needs_and_does_not_move
 async def test_a_pillar_before_the_wall_ends_a_drive_by_a_stop_of_the_supervisor(tmp_path: Path) -> None:
     async with first_drive(tmp_path, SIM, CONFIG) as drive:
         running = asyncio.create_task(drive.run())
-        while drive.plant.true_velocity.linear_m_s < 0.05:
-            await drive.rig.pass_time(0.05)
+        await until(drive, running, lambda: drive.speed_m_s > 0.05)
         pose = drive.plant.true_pose
         drive.rig.outsider.publisher(topics.OBSTACLE).put(Point(pose.x_m + 0.6, pose.y_m, 0.0))
         assert await running == EXIT_ABORTED

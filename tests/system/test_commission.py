@@ -87,7 +87,7 @@ async def test_a_simulated_robot_is_measured_and_its_file_compared(tmp_path: Pat
     lidar = measured["lidars"]["lidar"]
     for name, found in [*measured.items(), *lidar.items()]:
         if name != "lidars":
-            say(f"{name} = {found['value']} (limit {found['limit']}, n = {found['n']})")
+            say(f"{name} = {found['value']} (limit {found.get('limit')}, n = {found['n']})")
     assert measured["deceleration_m_s2"]["value"] == pytest.approx(BRAKING_M_S2, rel=0.1)
     assert measured["odometry_scale"]["value"] == pytest.approx(1.0 / (1.0 + ODOM_ERROR), rel=0.01)
     assert lidar["noise_m"]["value"] == pytest.approx(NOISE_M, rel=0.05)

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from commission import plan
 from commission.estimate import UNKNOWN, Estimate
-from commission.measured import Result, TableError, with_results
-from commission.person import LONGEST_LINE, LineEditor
+from commission.measured import Result, TableError, check_place, with_results
 from commission.plan import MARGIN_M, Base, Drive
 
 BASE = Base(acceleration_m_s2=0.5, deceleration_m_s2=0.3, reaction_s=0.6)
@@ -72,27 +71,6 @@ def test_the_first_turn_is_shorter_than_two_judgements_of_the_law() -> None:
     assert plan.TURN_RAD < DOUBTS * STEP_RAD - 0.1
 
 
-# --- what is typed
-
-
-def test_a_line_ends_with_enter_and_may_be_corrected() -> None:
-    editor = LineEditor()
-    assert editor.feed("gx") is None
-    assert editor.text == "gx"
-    assert editor.feed("\x7fo ") is None
-    assert editor.feed("\rmore") == "go"
-    assert editor.text == ""
-
-
-@given(st.text())
-def test_no_typed_text_is_longer_than_a_line_or_unprintable(text: str) -> None:
-    editor = LineEditor()
-    line = editor.feed(text)
-    for found in (editor.text, line or ""):
-        assert len(found) <= LONGEST_LINE
-        assert found.isprintable()
-
-
 # --- the table
 
 FILE = """\
@@ -114,6 +92,10 @@ rate_hz = 20.0
 
 def result(*path: str, value: float = 1.23456, limit: float = 1.2) -> Result:
     return Result(path, Estimate(value, 0.1, 8), limit, "stops")
+
+
+def trial(*path: str) -> Result:
+    return Result(path, Estimate(0.1, math.inf, 1), None, "one e-stop")
 
 
 def write(text: str, *results: Result) -> str:
@@ -138,21 +120,44 @@ def test_a_second_writing_replaces_the_first() -> None:
 
 def test_a_file_without_the_section_gets_it_at_its_end() -> None:
     text = '[supervisor]\n[[supervisor.lidars]]\nname = "front"\ntopic = "scan"'
-    written = write(text, result("lidars", "front", "yaw_rad", value=0.1), result("estop_s"))
+    written = write(text, result("lidars", "front", "yaw_rad", value=0.1), trial("estop_s"))
     assert written.startswith(text)
     assert tomllib.loads(written)["measured"].keys() == {"lidars", "estop_s"}
-    assert tomllib.loads(write("", result("estop_s")))["measured"].keys() == {"estop_s"}
+    assert tomllib.loads(write("", trial("estop_s")))["measured"].keys() == {"estop_s"}
 
 
 def test_what_was_not_determined_is_not_written() -> None:
     unknown = Result(("slip",), UNKNOWN, math.nan, "")
     single = Result(("dead_time_s",), Estimate(0.1, math.inf, 1), math.inf, "")
-    written = write("", unknown, single, result("estop_s"))
+    written = write("", unknown, single, trial("estop_s"))
     assert tomllib.loads(written)["measured"].keys() == {"estop_s"}
 
 
+def test_a_single_trial_is_written_without_a_limit() -> None:
+    written = tomllib.loads(write("", trial("estop_s")))["measured"]["estop_s"]
+    assert written["value"] == 0.1
+    assert "limit" not in written
+
+
+def test_a_file_without_a_place_for_a_later_result_is_refused_before_the_robot_moves() -> None:
+    unknown = [Result(("lidars", "front", "yaw_rad"), UNKNOWN, math.nan, ""), trial("estop_s")]
+    check_place(FILE, unknown)
+    for text in ("measured = {}\n", "[measured.lidars]\nfront = 3\n"):
+        with pytest.raises(TableError):
+            check_place(text, unknown)
+
+
 @pytest.mark.parametrize(
-    "text", ["measured = 3\n", "[measured]\nlidars = 3\n", "[measured\n", "[measured]\nwrong = 1\n"]
+    "text",
+    [
+        "measured = 3\n",
+        "measured = {}\n",
+        "[[measured]]\nx = 1\n",
+        "a = { b = 1,\n c = 2 }\n",
+        "[measured]\nlidars = 3\n",
+        "[measured\n",
+        "[measured]\nwrong = 1\n",
+    ],
 )
 def test_a_file_whose_section_is_not_one_is_refused_and_stays(text: str) -> None:
     with pytest.raises(TableError):

@@ -17,7 +17,7 @@ from teleop.path.course import Pose
 from tests.unit.commission.truth import Lidar
 
 START = Pose(1.0, 2.0, math.pi / 2)
-WALL = Wall(3.0, 0.0, 0.001, 0.001, 100, 4.0, 0.004)
+WALL = Wall(3.0, 0.0, 4.0)
 BASE = Base(0.5, 0.3, 0.6)
 
 
@@ -36,7 +36,7 @@ def test_the_wall_is_followed_through_a_turn_also_of_a_mirrored_lidar() -> None:
         yaw_rad = at_s = 0.0
         for step in range(40):
             yaw_rad, at_s = 0.015 * step, 0.05 * step
-            trace.add_odometry(Odom(at_s, Pose(0.0, 0.0, yaw_rad), 0.0, 0.3))
+            trace.odometry.append(Odom(at_s, Pose(0.0, 0.0, yaw_rad), 0.0, 0.3))
             trace.add_scan(scan(lidar, LawPose(1.0, 0.0, yaw_rad), at_s))
         wall = trace.wall(at_s)
         assert wall is not None
@@ -83,7 +83,7 @@ def test_a_scan_of_very_many_beams_is_read_too() -> None:
 
 def test_the_way_ahead_is_along_the_heading_at_the_start() -> None:
     trace = Trace(Mount())
-    trace.add_odometry(Odom(1.0, Pose(1.0, 2.5, 0.0), 0.2, 0.0))
+    trace.odometry.append(Odom(1.0, Pose(1.0, 2.5, 0.0), 0.2, 0.0))
     assert trace.toward(START).tolist() == [[1.0, pytest.approx(0.5), 0.2]]
 
 
@@ -118,10 +118,10 @@ def test_a_drive_as_planned_has_no_surprise_and_is_done_at_its_end(drive: Drive)
 def test_a_drive_that_comes_nearer_than_planned_is_a_surprise() -> None:
     planned_m = AHEAD.way_m + BASE.stop_m(AHEAD.speed) + NEARER_M
     one = watch(AHEAD)
-    assert not one.is_too_near(2.75 - planned_m + 1e-9)
-    assert one.is_too_near(2.75 - planned_m - 1e-9)
+    assert one.too_near(2.75 - planned_m + 1e-9) is None
+    assert one.too_near(2.75 - planned_m - 1e-9) is not None
     assert "closer to the wall" in (one.surprise(1.0, odom(0.3), nearer(0.3), 2.0) or "")
-    assert watch(AHEAD, gap_m=0.5).is_too_near(math.nextafter(NEAREST_M, 0.0))
+    assert watch(AHEAD, gap_m=0.5).too_near(math.nextafter(NEAREST_M, 0.0)) is not None
 
 
 @pytest.mark.parametrize(

@@ -342,11 +342,12 @@ UNMEASURED = [
 
 
 def measured(**limits: float) -> str:
-    """Return a section `[measured]` with these limits; `lidar_` stands for the lidar's table."""
+    """Return a section `[measured]` with these limits; `lidar_` stands for the lidar's table; an e-stop has none."""
 
     def line(key: str, limit: float) -> str:
         path = f"lidars.lidar.{key.removeprefix('lidar_')}" if key.startswith("lidar_") else key
-        return f'{path} = {{ value = {limit}, limit = {limit}, n = 3, date = "2026-11-27", version = "0.1.0", how = "tape" }}'
+        values = f"value = {limit}" if key == "estop_s" else f"value = {limit}, limit = {limit}"
+        return f'{path} = {{ {values}, n = 3, date = "2026-11-27", version = "0.1.0", how = "tape" }}'
 
     return "\n".join(("\n[measured]", *(line(*one) for one in limits.items()), ""))
 
