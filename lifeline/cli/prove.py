@@ -52,6 +52,14 @@ def judge(
     cmd_vel: Annotated[
         str | None, option("--cmd-vel", "TOPIC", "Topic of the commands to the base (Twist or TwistStamped).")
     ] = None,
+    estop: Annotated[
+        list[str] | None,
+        option(
+            "--estop",
+            "TOPIC",
+            "Topic of an e-stop (Bool: true presses it, false resets it). Repeat it for each.",
+        ),
+    ] = None,
     config: Annotated[
         Path | None,
         option(
@@ -73,9 +81,10 @@ def judge(
     from recordings.judge.judge import judge as judge_it
     from recordings.judge.page import page, to_json
 
+    named = Named(tuple(scan or ()), odom, cmd_vel, tuple(estop or ()))
     progress = StatusLine(sys.stderr)
     try:
-        found = judge_it(file, config, Named(tuple(scan or ()), odom, cmd_vel), progress.show)
+        found = judge_it(file, config, named, progress.show)
     finally:
         progress.clear()
     show(to_json(found) if as_json else None, *(() if as_json else page(found)), as_json=as_json)

@@ -83,4 +83,8 @@ def judge(path: Path, config: Path | None, named: Named, show: Callable[[str], N
         because = f" ({source.problem})" if source.problem else ""
         raise DeployError(f"{path} cannot be judged: none of its messages can be read{because}")
     feed.end(time_s)
+    if source.set_back:
+        feed.notes.append(
+            f"the clock was set back {source.set_back:,} ×; what follows counts as recorded after a pause"
+        )
     return Judgement(path, chosen.status is not None, config, assumptions, feed, time_s, source.problem)

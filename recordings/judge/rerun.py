@@ -60,8 +60,6 @@ class Rerun:
         self._follows_odometry = follows_odometry
         source = SourceConfig(SOURCE, 0)
         self.law = replace(law, sources=(source,), estop_stations=())
-        self.breaks = 0
-        """Pauses of the whole recording."""
         self.judged_from_s = math.inf
         """From when on something is judged; infinite before the first scan of each lidar."""
         self._warm_s = WARM_UP_SCANS * max(lidar.timeout_s for lidar in law.lidars)
@@ -71,7 +69,6 @@ class Rerun:
         """Run the ticks before a time, and return what the law decides."""
         now_s = START_S + time_s
         if now_s - self._last_s > BREAK_S:
-            self.breaks += 1
             self._start(now_s)
         moments: list[Moment] = []
         while (due_s := self._last_s + TICK_S) < now_s:
