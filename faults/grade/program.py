@@ -46,6 +46,9 @@ class Program:
         self._loop = asyncio.get_running_loop()
         self._mark = environment[leftovers.MARK]
         self._whole_group = whole_group
+        self.greets = False
+        """Whether it has printed anything before the first key; a terminal echoes keys."""
+        self._has_keys = False
         self._screen = b""
         self._unread = b""
         self._holding: asyncio.TimerHandle | None = None
@@ -78,10 +81,6 @@ class Program:
         return len(self._pid_and_code()) > 1 or self._leader.poll() is not None
 
     @property
-    def has_printed(self) -> bool:
-        return bool(self._screen)
-
-    @property
     def end(self) -> str:
         """How it ended, with its last lines, for people."""
         codes = self._pid_and_code()[1:]
@@ -92,6 +91,7 @@ class Program:
 
     def type(self, data: bytes) -> None:
         """Type bytes on its keyboard; a full or closed terminal drops them."""
+        self._has_keys = self._has_keys or bool(data)
         with suppress(OSError):
             os.write(self._terminal, data)
 
@@ -133,6 +133,7 @@ class Program:
         except OSError:  # EIO: the program has closed its side
             self._loop.remove_reader(self._terminal)
             return
+        self.greets = self.greets or not self._has_keys
         self._screen = (self._screen + data)[-SCREEN_BYTES:]
         requests, self._unread = requests_in(self._unread + data)
         if requests:

@@ -133,7 +133,10 @@ class Base:
             self._due.clear()
             out.put_bytes(self.output(time.monotonic()))
             with suppress(TimeoutError):
-                await asyncio.wait_for(self._due.wait(), PERIOD_S)
+                async with asyncio.timeout(
+                    PERIOD_S
+                ):  # `wait_for` of Python 3.11 can lose the end of this task
+                    await self._due.wait()
 
 
 class Robot:
