@@ -4,8 +4,6 @@ import asyncio
 import math
 import os
 import signal
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import AsyncGenerator, Callable, Coroutine, Iterator, Sequence
@@ -24,6 +22,7 @@ from faults.grade.robot import Robot, Setup, running
 from faults.grade.rubric import Rubric
 from faults.measure import MOVING_M_S
 from faults.real.rig.cable import why_not
+from faults.real.rig.janitor import hire
 from recordings.incidents.braking import Motion
 from wire.text import printable
 
@@ -97,14 +96,7 @@ def in_directory(play: Callable[[Path], Coroutine[Any, Any, T]]) -> T:
     """
     with ExitStack() as ending:
         directory = Path(tempfile.mkdtemp(prefix="lifeline-grade-")).resolve()
-        janitor = subprocess.Popen(
-            [sys.executable, "-m", "faults.grade.leftovers", str(directory), str(os.getpid())],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
-        ending.callback(janitor.communicate)
+        ending.callback(hire("faults.grade.leftovers", directory).communicate)
         ending.callback(leftovers.sweep, directory, os.getpid())
         with errors.interrupts():
             try:

@@ -265,15 +265,15 @@ def grade(
 
     Exit 0 if the program passed, 1 if it did not, 2 if it could not be graded.
     """
-    from faults.grade import command as grading
+    from faults.grade.rubric import DEFAULT, read
 
     if print_rubric:
-        print(grading.default_rubric(), end="")
+        print(DEFAULT.read_text(encoding="utf-8"), end="")
         return 0
     require("sim")
+    from faults.grade import command as grading
     from faults.grade.exam import Exam
     from faults.grade.robot import Setup
-    from faults.grade.rubric import read
 
     setup = Setup(endpoint, lifeline=through_lifeline, timeout_s=base_timeout, ros2=ros2, hold=hold)
     exam = Exam(tuple(program or ()), setup, read(rubric), keys, stop_key, whole_group)
