@@ -159,7 +159,7 @@ async def _trial(exam: Exam, robot: Robot, fault: Fault, say: Say) -> list[Mark]
         if is_sound:
             return marks
         if tries_left:
-            say("the machine was too busy for this measurement; again")
+            say("the machine was too busy: repeating the measurement")
     return [replace(one, sentence=f"{one.sentence} (on a machine that was too busy)") for one in marks]
 
 

@@ -206,7 +206,7 @@ def _garbage(seen: Observed, rubric: Rubric) -> tuple[float, str]:
             0.0,
             f"the robot became faster by {faster_m_s:.2f} m/s{' and touched an object' * seen.touched}",
         )
-    return 1.0, "the program went on, and the robot kept its speed"
+    return 1.0, "the program continued, and the robot kept its speed"
 
 
 def _obstacle(seen: Observed, rubric: Rubric) -> tuple[float, str]:

@@ -6,7 +6,7 @@ The events of one moment have this order: requests and e-stops, the step of the 
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, NamedTuple
 
 from wire.reasons import Limit, StopReason
@@ -139,6 +139,16 @@ class Verdict(NamedTuple):
 
 
 @dataclass
+class Counts:
+    """What a monitor has counted."""
+
+    heard: set[type[Event]] = field(default_factory=set[type[Event]])
+    moments: int = 0
+    broken: int = 0
+    violations: list[Violation] = field(default_factory=list[Violation])
+
+
+@dataclass
 class Monitor:
     """Judges one rule.
 
@@ -153,41 +163,34 @@ class Monitor:
     """Why nothing was judged although all these events were recorded."""
 
     leeway_s: float = 0.0
-    _heard: set[type[Event]] = field(init=False, default_factory=set[type[Event]])
-    _moments: int = field(init=False, default=0)
-    _broken: int = field(init=False, default=0)
+    counts: Counts = field(kw_only=True, default_factory=Counts)
     _is_broken: bool = field(init=False, default=False)
-    _violations: list[Violation] = field(init=False, default_factory=list[Violation])
 
     def hear(self, event: Event) -> Violation | None:
         """Process an event, in order of time. Return the violation if it begins one."""
-        self._heard.add(type(event))
+        self.counts.heard.add(type(event))
         sentence = self._judge(event)
         if sentence is None:
             return None
-        self._moments += 1
+        self.counts.moments += 1
         begins, self._is_broken = bool(sentence) and not self._is_broken, bool(sentence)
         if not begins:
             return None
         violation = Violation(self.rule, event.time_s, sentence)
-        self._broken += 1
-        if len(self._violations) < MAX_VIOLATIONS:
-            self._violations.append(violation)
+        self.counts.broken += 1
+        if len(self.counts.violations) < MAX_VIOLATIONS:
+            self.counts.violations.append(violation)
         return violation
 
     def verdict(self) -> Verdict:
-        missing = [group for group in self.needs if self._heard.isdisjoint(group)]
+        missing = [group for group in self.needs if self.counts.heard.isdisjoint(group)]
         why_not = "; ".join(
             f"no {' and no '.join(NAMES[kind] for kind in group if kind in NAMES)}" for group in missing
         )
-        why_not = why_not or ("" if self._moments else self.idle)
+        why_not = why_not or ("" if self.counts.moments else self.idle)
         if why_not:
             return Verdict(self.rule, why_not, 0, 0, ())
-        return Verdict(self.rule, "", self._moments, self._broken, tuple(self._violations))
-
-    def forget(self) -> None:
-        """Forget the past: after a pause of the recording, it is unknown."""
-        self._is_broken = False
+        return Verdict(self.rule, "", self.counts.moments, self.counts.broken, tuple(self.counts.violations))
 
     def _judge(self, event: Event) -> str | None:
         """Return how the event breaks the rule; "" if it keeps it, None if the rule is not about it."""
@@ -207,10 +210,6 @@ class SameStep(Monitor):
     _output_s: float = field(init=False, default=math.inf)
     """The first motion that the base was commanded in this time."""
 
-    def forget(self) -> None:
-        super().forget()
-        self._stopped_s = self._output_s = math.inf
-
     def _judge(self, event: Event) -> str | None:
         match event:
             case Output(time_s, moves=True) if time_s >= self._stopped_s + self.leeway_s:
@@ -218,7 +217,7 @@ class SameStep(Monitor):
             case Step(time_s, moves, causes, reasons):
                 stops = reasons | (causes - BARRIER - LIMITS)
                 if not stops:
-                    self.forget()
+                    self._is_broken, self._stopped_s, self._output_s = False, math.inf, math.inf
                     return None
                 self._stopped_s = min(self._stopped_s, time_s)
                 if moves or time_s >= self._output_s + self.leeway_s:
@@ -243,12 +242,6 @@ class NeutralFirst(Monitor):
     _neutral_s: dict[str, float] = field(init=False, default_factory=dict[str, float])
     _driver: str | None = field(init=False, default=None)
     """The owner of the last step, if it moved the robot."""
-
-    def forget(self) -> None:
-        super().forget()
-        self._everybody_s, self._driver = -math.inf, None
-        self._own_s.clear()
-        self._neutral_s.clear()
 
     def _judge(self, event: Event) -> str | None:
         if isinstance(event, Request) and event.is_neutral:
@@ -288,11 +281,6 @@ class Estop(Monitor):
 
     def __post_init__(self) -> None:
         self._braking = Braking(self.deceleration_m_s2)
-
-    def forget(self) -> None:
-        super().forget()
-        self._pressed_s = math.inf
-        self._braking.forget()
 
     def _judge(self, event: Event) -> str | None:
         match event:
@@ -339,12 +327,6 @@ class FreshCommand(Monitor):
 
     def __post_init__(self) -> None:
         self._braking = Braking(self.deceleration_m_s2)
-
-    def forget(self) -> None:
-        super().forget()
-        self._asked_s.clear()
-        self._first_s = None
-        self._braking.forget()
 
     def _judge(self, event: Event) -> str | None:
         if self._first_s is None:
@@ -403,8 +385,7 @@ class Monitors:
 
     def forget(self) -> None:
         """Forget the past: after a pause of the recording, it is unknown and breaks no rule."""
-        for monitor in self._all:
-            monitor.forget()
+        self._all = tuple(replace(monitor) for monitor in self._all)  # with the same counts
 
     def verdicts(self) -> tuple[Verdict, ...]:
         return tuple(monitor.verdict() for monitor in self._all)

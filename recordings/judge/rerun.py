@@ -8,7 +8,6 @@ have stopped the robot here, if it had driven here under the same commands? Only
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -37,15 +36,6 @@ BREAK_S = 10.0
 """After a longer pause of all messages, the law starts again."""
 WARM_UP_SCANS = 2.0
 """Scan timeouts after a start in which nothing is judged: a clock is proven first, and the first scans show the noise."""
-
-
-class _Answer(NamedTuple):
-    """What the law says about the recorded motion."""
-
-    reasons: tuple[str, ...] = ()
-    limits: tuple[str, ...] = ()
-    scale: float = 1.0
-    detail: str = ""
 
 
 class Rerun:
@@ -115,7 +105,7 @@ class Rerun:
         self._has_scan = set[int]()
         self._judged_from_s = math.inf
         self._is_stopped = False
-        self._answer = _Answer()
+        self._last = Moment(0.0, STANDSTILL, (), (), 1.0, math.nan, math.nan, "")
 
     @np.errstate(all="ignore")  # hostile numbers would print warnings
     def _step(self, now_s: float, asked: Sequence[Velocity | None] = ()) -> Moment:
@@ -138,10 +128,10 @@ class Rerun:
         wanted = self._wanted(now_s)
         # Otherwise the operator's neutral command is in force until the next recorded one: the last answer still holds.
         if self._is_stopped or decision.commanded != STANDSTILL or wanted == STANDSTILL:
-            self._answer = self._answered(decision)
-        reasons, limits, scale, detail = self._answer
-        nearest = decision.nearest_m, decision.nearest_bearing_rad
-        return Moment(now_s - START_S, wanted, reasons, limits, scale, *nearest, detail)
+            self._last = self._answered(decision)
+        nearest = {"nearest_m": decision.nearest_m, "bearing_rad": decision.nearest_bearing_rad}
+        self._last = self._last._replace(time_s=now_s - START_S, wanted=wanted, **nearest)
+        return self._last
 
     def _command(self, velocity: Velocity | None, now_s: float) -> Command:
         self._sequence += 1
@@ -171,7 +161,8 @@ class Rerun:
         is_fresh = now_s - self._asked_s <= self.law.command_timeout_s
         return self._asked if is_fresh or self._moving else STANDSTILL
 
-    def _answered(self, decision: Decision) -> _Answer:
+    def _answered(self, decision: Decision) -> Moment:
+        """Return what the law says about the recorded motion."""
         limits, scale, asked = tuple(one.value for one in decision.causes), decision.scale, self._asked
         if decision.limit is not None:
             limits = (decision.limit.value,)
@@ -180,7 +171,8 @@ class Rerun:
         if asked is not None and decision.commanded not in {STANDSTILL, asked}:
             limits = (*limits, CLAMPED)
             scale *= self.law.hull_speed_m_s(decision.commanded) / self.law.hull_speed_m_s(asked)
-        return _Answer(tuple(one.value for one in decision.reasons), limits, scale, decision.detail)
+        reasons = tuple(one.value for one in decision.reasons)
+        return self._last._replace(reasons=reasons, limits=limits, scale=scale, detail=decision.detail)
 
 
 def _armed(config: LawConfig, now_s: float) -> State:
