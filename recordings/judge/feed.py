@@ -194,7 +194,10 @@ class AnyRobot(Feed):
         self._see(rerun.advance(time_s))
         self.judged_from_s = rerun.judged_from_s
         missing = [name for name in scans if not self.streams[name].messages]
-        if missing:
+        unread = [one.topic for one in self.streams.values() if 0 < one.messages == one.undecodable]
+        if unread:
+            self.not_judged = f"no message on {', '.join(unread)} can be decoded; if they are compressed, name the recording's folder"
+        elif missing:
             self.not_judged = f"no scan on {', '.join(missing)}"
         elif not self.places.judged_s:
             self.not_judged = "no motion is recorded after the first scans"

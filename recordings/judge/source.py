@@ -23,6 +23,7 @@ REORDER_S = 1.0
 SET_BACK_S = 10.0
 """A message this much earlier than one before it in the file shows that the clock was set back: the times go on after a pause."""
 PAUSE_S = 20.0
+COMPRESSED = (".zstd", ".zst", ".lz4")
 MAX_WAITING = 2000
 """Messages that wait to be put in order."""
 
@@ -164,6 +165,8 @@ def open_source(path: Path) -> Source:
     Raises:
         DeployError: there is no such file or folder, or it is not a recording.
     """
+    if path.suffix in COMPRESSED and path.is_file():
+        raise DeployError(f"{path} is compressed: name the folder with its metadata.yaml")
     if path.name.endswith(SUFFIX):
         return BlackBoxSource(path)
     if path.is_dir() or (path.suffix == ".db3" and path.is_file()):

@@ -369,6 +369,15 @@ def test_messages_that_are_not_of_their_type_are_counted(tmp_path: Path) -> None
     assert all(one.undecodable > 0 for one in found.feed.streams.values())
 
 
+def test_a_recording_that_is_compressed_needs_its_folder(tmp_path: Path) -> None:
+    (tmp_path / "r.db3.zstd").write_bytes(b"compressed")
+    assert "is compressed: name the folder" in run(tmp_path / "r.db3.zstd").stderr
+    path = write_mcap(tmp_path / "r.mcap", (one._replace(payload=one.payload[:9]) for one in drive()))
+    result = run(path)
+    assert result.exit_code == 2
+    assert "no message on /scan, /odom, /cmd_vel can be decoded" in " ".join(result.stdout.split())
+
+
 ANY = st.sampled_from((0.0, -0.0, math.nan, math.inf, -math.inf, 1e308, -1e308, 5e-324, 1.0, -3.0))
 
 
