@@ -137,7 +137,9 @@ def test_wrong_options_are_refused_in_one_sentence(tmp_path: Path, options: list
     assert len(output.splitlines()) == 1
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGHUP, 129), (signal.SIGKILL, -signal.SIGKILL)])
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGHUP, 129), (signal.SIGKILL, -signal.SIGKILL)]
+)
 def test_an_exam_that_is_ended_early_leaves_nothing_behind(
     tmp_path: Path, number: signal.Signals, code: int
 ) -> None:
