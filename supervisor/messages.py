@@ -26,13 +26,13 @@ MAX_NAME_LENGTH = 64
 
 def to_command(source: str, arrival: Arrival[ros.Twist]) -> Command:
     twist = arrival.message
-    velocity = None if twist is None else _planar(twist)
+    velocity = None if twist is None else planar(twist)
     return Command(
         source, velocity, arrival.arrival_s, None if arrival.stamp is None else arrival.stamp.sent()
     )
 
 
-def _planar(twist: ros.Twist) -> Velocity | None:
+def planar(twist: ros.Twist) -> Velocity | None:
     """Return the planar velocity; None if the Twist has other components that are not zero, NaN included."""
     others = (twist.linear.y, twist.linear.z, twist.angular.x, twist.angular.y)
     if any(value != 0.0 for value in others):

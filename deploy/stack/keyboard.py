@@ -10,7 +10,7 @@ import struct
 import subprocess
 import termios
 import time
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Callable
 from contextlib import asynccontextmanager, suppress
 
 from deploy.stack.launch import Launch
@@ -30,6 +30,49 @@ def requests_in(output: bytes) -> tuple[int, bytes]:
     return len(requests), rest[1 - len(REQUEST) :]
 
 
+class Screen:
+    """What a program prints on a pseudo-terminal, which answers each status request.
+
+    Args:
+        terminal: our side of it.
+        reply: types an answer.
+    """
+
+    def __init__(self, terminal: int, reply: Callable[[bytes], None]) -> None:
+        self._terminal, self._reply = terminal, reply
+        self._loop = asyncio.get_running_loop()
+        self.output = b""
+        """The last bytes of the output."""
+        self._unread = b""
+        """The end of the output, which may be the beginning of a status request."""
+        os.set_blocking(terminal, False)
+        self._loop.add_reader(terminal, self._on_output)
+
+    @property
+    def last_lines(self) -> str:
+        """The last three non-empty lines, without escape sequences."""
+        text = ESCAPE.sub("", self.output.decode(errors="replace"))
+        return " | ".join([line.strip() for line in text.splitlines() if line.strip()][-3:]) or "no output"
+
+    def close(self) -> None:
+        """Close the terminal."""
+        self._loop.remove_reader(self._terminal)
+        os.close(self._terminal)
+
+    def _on_output(self) -> None:
+        try:
+            data = os.read(self._terminal, SCREEN_BYTES)
+        except BlockingIOError:
+            return
+        except OSError:  # EIO: the other side is closed
+            self._loop.remove_reader(self._terminal)
+            return
+        self.output = (self.output + data)[-SCREEN_BYTES:]
+        requests, self._unread = requests_in(self._unread + data)
+        if requests:
+            self._reply(REPLY * requests)
+
+
 class TypedTeleop:
     """A teleop process. Its keys and its screen are two terminals, which can be closed separately.
 
@@ -41,11 +84,6 @@ class TypedTeleop:
     """
 
     def __init__(self, command: list[str], environment: dict[str, str]) -> None:
-        self._loop = asyncio.get_running_loop()
-        self.screen = b""
-        """The last bytes of its output."""
-        self._unread = b""
-        """The end of the output, which may be the beginning of a status request."""
         self._keys, keys_slave = pty.openpty()
         self._display, display_slave = pty.openpty()
         self._masters = [self._keys, self._display]
@@ -67,8 +105,7 @@ class TypedTeleop:
             os.close(keys_slave)
             os.close(display_slave)
         os.set_blocking(self._keys, False)
-        os.set_blocking(self._display, False)
-        self._loop.add_reader(self._display, self._on_output)
+        self._screen = Screen(self._display, self._type)
 
     @property
     def pid(self) -> int:
@@ -80,9 +117,7 @@ class TypedTeleop:
 
     @property
     def last_lines(self) -> str:
-        """The last three non-empty lines of its output, without escape sequences."""
-        text = ESCAPE.sub("", self.screen.decode(errors="replace"))
-        return " | ".join([line.strip() for line in text.splitlines() if line.strip()][-3:]) or "no output"
+        return self._screen.last_lines
 
     def press(self, keys: str) -> None:
         """Type the keys in order."""
@@ -129,21 +164,10 @@ class TypedTeleop:
     def _shut(self, descriptor: int) -> None:
         if descriptor in self._masters:
             self._masters.remove(descriptor)
-            self._loop.remove_reader(descriptor)
-            os.close(descriptor)
-
-    def _on_output(self) -> None:
-        try:
-            data = os.read(self._display, SCREEN_BYTES)
-        except BlockingIOError:
-            return
-        except OSError:  # EIO: the other side is closed
-            self._loop.remove_reader(self._display)
-            return
-        self.screen = (self.screen + data)[-SCREEN_BYTES:]
-        requests, self._unread = requests_in(self._unread + data)
-        if requests:
-            self._type(REPLY * requests)
+            if descriptor == self._display:
+                self._screen.close()
+            else:
+                os.close(descriptor)
 
 
 @asynccontextmanager

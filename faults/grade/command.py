@@ -8,21 +8,18 @@ from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 from pydantic import TypeAdapter, ValidationError
-from rich.console import Console
 
+from deploy.stack.console import show
 from deploy.stack.errors import DeployError
 from deploy.stack.takedown import Say
-from faults.grade import report, rubric
+from faults.grade import report
 from faults.grade.exam import Exam, grade
 from faults.real.rig.cable import why_not
 from faults.trial_file import provenance_of_this_command
 from wire import tls
-from wire.foreign import read_text
 from wire.host.config import Endpoint
 
 MAX_KEYS = 40
-MIN_WIDTH = 110
-"""Width of the table in columns if the output is not a terminal."""
 ISOLATED = "LIFELINE_ISOLATED"
 """The variable that is set inside the network namespace."""
 
@@ -33,10 +30,6 @@ class Files(NamedTuple):
     html: Path | None
     junit: Path | None
     json: Path | None
-
-
-def default_rubric() -> str:
-    return read_text(rubric.DEFAULT)
 
 
 def check(exam: Exam, files: Files) -> None:
@@ -83,10 +76,7 @@ def run(exam: Exam, files: Files, say: Say) -> int:
     _write(files.html, lambda: report.page(found))
     _write(files.junit, lambda: report.junit(found))
     _write(files.json, lambda: json.dumps({"run": origin, **report.as_json(found)}) + "\n")
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=MIN_WIDTH)
-    console.print(report.table(found))
+    show(None, report.table(found), as_json=False)
     return int(not found.passed)
 
 

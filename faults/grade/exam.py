@@ -4,8 +4,6 @@ import asyncio
 import math
 import os
 import signal
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import AsyncGenerator, Callable, Coroutine, Iterator, Sequence
@@ -18,13 +16,14 @@ from deploy.stack import errors
 from deploy.stack.errors import DeployError
 from deploy.stack.takedown import Say
 from faults.grade import leftovers
-from faults.grade.marks import TITLES, WATCHED_S, Fault, Grade, Mark, mark, observed, untested
+from faults.grade.marks import HULL_RADIUS_M, TITLES, WATCHED_S, Fault, Grade, Mark, mark, observed, untested
 from faults.grade.program import Program, found
 from faults.grade.robot import Robot, Setup, running
 from faults.grade.rubric import Rubric
 from faults.measure import MOVING_M_S
 from faults.real.rig.cable import why_not
-from recordings.incidents.braking import STILL_S, Motion
+from faults.real.rig.janitor import hire
+from recordings.incidents.braking import Motion
 from wire.text import printable
 
 T = TypeVar("T")
@@ -39,12 +38,10 @@ DRIVE_LIMIT_S = 40.0
 FIRST_OUTPUT_S, FIRST_KEY_S, KEY_S, PAUSE_S, HELD_LIMIT_S = 3.0, 2.0, 0.15, 0.5, 4.0
 KEYS_AT_MOST = 40
 LOOK_S = 0.02
-QUIET_S = 1.0
-"""How long a robot is watched after its standstill."""
 RESUMED_S = 3.0
 TRIES = 3
 """Of one fault, until the machine was not too busy."""
-HULL_RADIUS_M, PILLAR_RADIUS_M = 0.25, 0.05
+PILLAR_RADIUS_M = 0.05
 HEADING_M = 0.02
 """Travel from which the heading of the robot is known."""
 GARBAGE = b"\xff\xfe\x80\xc3\x28\x00\x1b[99~\xe2\x82\x1b[\x07\xf0\x9f\x92\xa5" * 4
@@ -84,6 +81,9 @@ def grade(exam: Exam, say: Say) -> Grade:
     """
     found(exam.command, os.environ.get("PATH", os.defpath))
     marks = in_directory(lambda directory: _all(exam, directory, say))
+    if all(one.observed is None for one in marks):
+        reasons = [one.sentence for one in marks] or ["the rubric gives no points"]
+        raise NotGradedError(f"the program could not be graded: {'; '.join(reasons)}")
     words = " ".join(exam.command)
     return Grade(printable(words), str(exam.setup), exam.rubric.exam.pass_percent, tuple(marks))
 
@@ -96,14 +96,7 @@ def in_directory(play: Callable[[Path], Coroutine[Any, Any, T]]) -> T:
     """
     with ExitStack() as ending:
         directory = Path(tempfile.mkdtemp(prefix="lifeline-grade-")).resolve()
-        janitor = subprocess.Popen(
-            [sys.executable, "-m", "faults.grade.leftovers", str(directory), str(os.getpid())],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
-        ending.callback(janitor.communicate)
+        ending.callback(hire("faults.grade.leftovers", directory).communicate)
         ending.callback(leftovers.sweep, directory, os.getpid())
         with errors.interrupts():
             try:
@@ -166,7 +159,7 @@ async def _trial(exam: Exam, robot: Robot, fault: Fault, say: Say) -> list[Mark]
         if is_sound:
             return marks
         if tries_left:
-            say("the machine was too busy for this measurement; again")
+            say("the machine was too busy: repeating the measurement")
     return [replace(one, sentence=f"{one.sentence} (on a machine that was too busy)") for one in marks]
 
 
@@ -176,7 +169,14 @@ async def _tried(exam: Exam, robot: Robot, fault: Fault) -> tuple[list[Mark], bo
         if fault is Fault.STOPPED:
             program.let_go()  # the program must not find the key in its terminal when it continues
         begin_s = at_s = await _inject(exam, robot, program, fault)
-        await _watch(robot, at_s, may_go_on=fault in {Fault.GARBAGE, Fault.SECOND})
+        await _pass(robot, at_s + WATCHED_S - time.monotonic())
+        if (
+            robot.second is not None
+            and program.greets
+            and not (robot.second.greets or robot.second.has_ended)
+        ):
+            reason = f"the second instance printed nothing within {WATCHED_S:g} s, unlike the first one"
+            return [untested(fault, reason, exam.rubric)], True
         marks = [_mark(exam, robot, program, fault, at_s)]
         if fault is Fault.STOPPED:
             robot.clear()
@@ -220,18 +220,6 @@ def place_ahead(motions: Sequence[Motion], ahead_m: float) -> tuple[float, float
         if (way_m := math.hypot(x_m, y_m)) >= HEADING_M:
             return now.x_m + x_m * ahead_m / way_m, now.y_m + y_m * ahead_m / way_m
     return now.x_m + ahead_m, now.y_m
-
-
-async def _watch(robot: Robot, from_s: float, *, may_go_on: bool) -> None:
-    """Watch the robot until it has stood still for a while, or for the whole time."""
-    until_s = from_s + WATCHED_S
-    while time.monotonic() < until_s:
-        await asyncio.sleep(LOOK_S)
-        after = [motion for motion in robot.look() if motion.time_s >= from_s]
-        moving_s = next((motion.time_s for motion in reversed(after) if not motion.is_still), from_s)
-        is_done = after and after[-1].time_s - moving_s > STILL_S + QUIET_S
-        if is_done and not may_go_on:
-            return
 
 
 async def _pass(robot: Robot, duration_s: float) -> None:
@@ -285,13 +273,16 @@ def _never_moved(exam: Exam, robot: Robot, program: Program) -> str:
     else:
         what = f"the robot did not move within {DRIVE_LIMIT_S:g} s"
     advice = (
-        []
+        ["publish geometry_msgs/msg/Twist on /cmd_vel"]
         if exam.setup.ros2
-        else [f"connect it to {exam.setup.endpoint}", "give --ros2 if it is a ROS 2 node"]
+        else [
+            f"connect it to {exam.setup.endpoint}",
+            "publish a Twist on robot/cmd_vel",
+            "give --ros2 if it is a ROS 2 node",
+        ]
     )
     advice += [] if exam.keys else ["give --keys if it is driven by keys"]
-    todo = f": {', '.join(advice)}" if advice else ""
-    return f"the program could not be graded: {what}{todo}; {program.end}"
+    return f"the program could not be graded: {what}: {', '.join(advice)}; {program.end}"
 
 
 async def _step(robot: Robot, program: Program, duration_s: float) -> None:
@@ -329,7 +320,7 @@ async def _by_keys(exam: Exam, robot: Robot, program: Program) -> None:
     """Press keys until the robot has the wanted speed, or the highest one of this program; or hold the last of them."""
     keys, wanted_m_s = os.fsencode(exam.keys), ALMOST * exam.rubric.exam.drive_m_s
     started_s = time.monotonic()
-    while not program.has_printed and time.monotonic() < started_s + FIRST_OUTPUT_S:
+    while not program.greets and time.monotonic() < started_s + FIRST_OUTPUT_S:
         await _step(robot, program, LOOK_S)
 
     def is_fast() -> bool:

@@ -16,6 +16,7 @@ WATCHED_S = 4.5
 AGAIN_M = 0.02
 """A robot that moves farther than this after its standstill has not stopped."""
 
+HULL_RADIUS_M = 0.25
 BEFORE_S, POINTS = 1.0, 300
 """The time before the fault that a curve shows, and its maximum number of points."""
 
@@ -54,8 +55,9 @@ class Observed:
     distance_m: float
     """Travelled until the standstill, or while the robot was watched."""
     again_m: float
-    """Travelled after the standstill."""
+    """Travelled by a point of the hull after the standstill."""
     fastest_m_s: float
+    """Speed at the fault, and by how much any point of the hull became faster."""
     nearest_m: float
     """Least distance of the hull to any object."""
     touched: bool
@@ -94,17 +96,19 @@ def observed(motions: Sequence[Motion], at_s: float, swing_m_s: float, *, ended:
     """
     start = bisect_left(motions, at_s, key=lambda motion: motion.time_s)
     before, after = motions[max(0, start - 1)], motions[start:]
+    seen = [before, *after]
     rest = braking(motions, at_s)
-    way_m = _way_m([before, *after])
+    rested_s = math.inf if rest is None else at_s + rest.to_standstill_s
+    faster_m_s = max(map(_hull_m_s, seen)) - _hull_m_s(before)
     return Observed(
         speed_m_s=before.linear_m_s,
         standstill_s=None if rest is None else rest.to_standstill_s,
-        distance_m=way_m if rest is None else rest.distance_m,
-        again_m=0.0 if rest is None else way_m - rest.distance_m,
-        fastest_m_s=max(abs(motion.linear_m_s) for motion in [before, *after]),
-        nearest_m=min(motion.clearance_m for motion in [before, *after]),
+        distance_m=_way_m(seen) if rest is None else rest.distance_m,
+        again_m=_way_m([motion for motion in after if motion.time_s >= rested_s]),
+        fastest_m_s=abs(before.linear_m_s) + faster_m_s,
+        nearest_m=min(motion.clearance_m for motion in seen),
         touched=any(motion.is_touching for motion in after),
-        swings=swings([motion.linear_m_s for motion in [before, *after]], swing_m_s),
+        swings=swings([motion.linear_m_s for motion in seen], swing_m_s),
         ended=ended,
         curve=_curve([motion for motion in motions if motion.time_s > at_s - BEFORE_S], at_s),
     )
@@ -115,8 +119,18 @@ def _curve(motions: Sequence[Motion], at_s: float) -> tuple[tuple[float, float],
     return tuple((round(one.time_s - at_s, 3), round(one.linear_m_s, 3)) for one in motions[::every])
 
 
+def _hull_m_s(motion: Motion) -> float:
+    """Return an upper bound of the speed of any point of the hull: a robot that turns on the spot moves too."""
+    return abs(motion.linear_m_s) + HULL_RADIUS_M * abs(motion.angular_rad_s)
+
+
 def _way_m(motions: Sequence[Motion]) -> float:
-    return sum(math.dist((a.x_m, a.y_m), (b.x_m, b.y_m)) for a, b in itertools.pairwise(motions))
+    """Return the distance that the robot has travelled; a turn counts as travelled by a point of the hull."""
+    way_m = 0.0
+    for a, b in itertools.pairwise(motions):
+        way_m += math.dist((a.x_m, a.y_m), (b.x_m, b.y_m))
+        way_m += 0.0 if b.is_still else HULL_RADIUS_M * abs(b.angular_rad_s) * (b.time_s - a.time_s)
+    return way_m
 
 
 def swings(speeds_m_s: Iterable[float], swing_m_s: float) -> int:
@@ -192,7 +206,7 @@ def _garbage(seen: Observed, rubric: Rubric) -> tuple[float, str]:
             0.0,
             f"the robot became faster by {faster_m_s:.2f} m/s{' and touched an object' * seen.touched}",
         )
-    return 1.0, "the program went on, and the robot kept its speed"
+    return 1.0, "the program continued, and the robot kept its speed"
 
 
 def _obstacle(seen: Observed, rubric: Rubric) -> tuple[float, str]:
@@ -248,7 +262,7 @@ class Grade:
 
     @property
     def percent(self) -> float:
-        return 100.0 * self.points / self.of if self.of else 100.0
+        return 100.0 * self.points / self.of if self.of else 0.0
 
     @property
     def passed(self) -> bool:

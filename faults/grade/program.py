@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from deploy.stack.errors import DeployError
-from deploy.stack.keyboard import COLUMNS, ESCAPE, REPLY, ROWS, SCREEN_BYTES, requests_in
+from deploy.stack.keyboard import COLUMNS, ROWS, Screen
 from faults.grade import leftovers
 from wire.text import printable
 
@@ -43,11 +43,9 @@ class Program:
     """
 
     def __init__(self, command: Sequence[str], environment: dict[str, str], *, whole_group: bool) -> None:
-        self._loop = asyncio.get_running_loop()
         self._mark = environment[leftovers.MARK]
         self._whole_group = whole_group
-        self._screen = b""
-        self._unread = b""
+        self._greets: bool | None = None
         self._holding: asyncio.TimerHandle | None = None
         self._terminal, program_side = pty.openpty()
         self._news = Path(f"{self._mark}news")
@@ -65,8 +63,7 @@ class Program:
             raise DeployError(f"cannot start the program in a terminal: {error}") from error
         finally:
             os.close(program_side)
-        os.set_blocking(self._terminal, False)
-        self._loop.add_reader(self._terminal, self._on_output)
+        self._screen = Screen(self._terminal, self._write)
 
     def _pid_and_code(self) -> list[int]:
         """Return the program's pid once it has started, and then its exit code once it has ended."""
@@ -78,27 +75,31 @@ class Program:
         return len(self._pid_and_code()) > 1 or self._leader.poll() is not None
 
     @property
-    def has_printed(self) -> bool:
-        return bool(self._screen)
+    def greets(self) -> bool:
+        """Whether it has printed anything before the first key; a terminal echoes keys."""
+        return bool(self._screen.output) if self._greets is None else self._greets
 
     @property
     def end(self) -> str:
         """How it ended, with its last lines, for people."""
         codes = self._pid_and_code()[1:]
-        text = ESCAPE.sub("", self._screen.decode(errors="replace"))
-        lines = [printable(line.strip()) for line in text.splitlines() if line.strip()]
         how = f"ended with code {codes[0]}" if codes else "runs"
-        return f"it {how}, and its last lines are: {' | '.join(lines[-3:])[-LAST_CHARACTERS:] or 'none'}"
+        return f"it {how}, and its last lines are: {printable(self._screen.last_lines)[-LAST_CHARACTERS:]}"
 
     def type(self, data: bytes) -> None:
         """Type bytes on its keyboard; a full or closed terminal drops them."""
+        if data:
+            self._greets = self.greets
+        self._write(data)
+
+    def _write(self, data: bytes) -> None:
         with suppress(OSError):
             os.write(self._terminal, data)
 
     def hold(self, key: bytes) -> None:
         """Hold a key down until `let_go`."""
         self.type(key)
-        self._holding = self._loop.call_later(REPEAT_S, self.hold, key)
+        self._holding = asyncio.get_running_loop().call_later(REPEAT_S, self.hold, key)
 
     def let_go(self) -> None:
         if self._holding is not None:
@@ -122,21 +123,7 @@ class Program:
             os.killpg(self._leader.pid, signal.SIGKILL)  # also what has cleared its environment
         leftovers.kill(self._mark)
         self._leader.wait()
-        self._loop.remove_reader(self._terminal)
-        os.close(self._terminal)
-
-    def _on_output(self) -> None:
-        try:
-            data = os.read(self._terminal, SCREEN_BYTES)
-        except BlockingIOError:
-            return
-        except OSError:  # EIO: the program has closed its side
-            self._loop.remove_reader(self._terminal)
-            return
-        self._screen = (self._screen + data)[-SCREEN_BYTES:]
-        requests, self._unread = requests_in(self._unread + data)
-        if requests:
-            self.type(REPLY * requests)
+        self._screen.close()
 
 
 def found(command: Sequence[str], path: str) -> None:

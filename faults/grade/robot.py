@@ -133,7 +133,10 @@ class Base:
             self._due.clear()
             out.put_bytes(self.output(time.monotonic()))
             with suppress(TimeoutError):
-                await asyncio.wait_for(self._due.wait(), PERIOD_S)
+                async with asyncio.timeout(
+                    PERIOD_S
+                ):  # `wait_for` of Python 3.11 can lose the end of this task
+                    await self._due.wait()
 
 
 class Robot:
@@ -179,7 +182,7 @@ class Robot:
             if setup.cable:
                 self._cable = Cable(os.getpid(), subnet=CABLE_SUBNET)
                 self._ending.callback(self._cable.close)
-                await _wait(lambda: self._is_plugged, "the cable has no carrier")
+                await self._until(lambda: self._is_plugged, "the cable has no carrier")
         if setup.lifeline and not setup.ros2:
             hub = await self._guarded()
         else:
@@ -189,7 +192,7 @@ class Robot:
         self._run(topics.SIM, [*sim, "--endpoint", hub, "--no-viewer", "--no-moving", *scene])
         if setup.ros2:
             await self._start_ros2()
-        await self._ready(lambda: bool(self.look()), topics.SIM)
+        await self._until(lambda: bool(self.look()), "the simulator does not start")
 
     async def _guarded(self) -> str:
         """Start a supervisor with a link to the program; return its endpoint."""
@@ -226,7 +229,10 @@ class Robot:
         setup, python = self.setup, self.ros_python
         node = [str(python), "-m", "faults.grade.ros_robot", self._to_program, str(self._domain)]
         self._run(ROS_ROBOT, node, self.ros_variables)
-        await self._ready(lambda: ROS_READY in self._log(ROS_ROBOT).read_text(errors="replace"), ROS_ROBOT)
+        log = self._log(ROS_ROBOT)
+        await self._until(
+            lambda: ROS_READY in log.read_text(errors="replace"), "the ROS 2 node does not start"
+        )
         if not setup.lifeline:
             return
         config, hub = self._directory / "robot.toml", free_loopback_endpoint()
@@ -312,11 +318,12 @@ class Robot:
         )
         return "".join(f"\n{name}: {line}" for name, lines in ends for line in lines)
 
-    async def _ready(self, condition: Callable[[], bool], what: str) -> None:
-        try:
-            await _wait(condition, f"{what} does not start")
-        except DeployError as error:
-            raise DeployError(f"the robot cannot be started: {error}{self._logs()}") from error
+    async def _until(self, condition: Callable[[], bool], otherwise: str) -> None:
+        deadline_s = time.monotonic() + START_LIMIT_S
+        while not condition():
+            if time.monotonic() > deadline_s:
+                raise DeployError(f"the robot cannot be used: {otherwise}{self._logs()}")
+            await asyncio.sleep(POLL_S)
 
     # --- the program
 
@@ -354,7 +361,7 @@ class Robot:
             self._links.heal(PROGRAM)
         if self._cable is not None:
             await asyncio.to_thread(self._cable.plug)
-            await _wait(lambda: self._is_plugged, "the cable has no carrier")
+            await self._until(lambda: self._is_plugged, "the cable has no carrier")
 
     # --- the world
 
@@ -432,14 +439,6 @@ async def running(setup: Setup, directory: Path) -> AsyncGenerator[Robot]:
         robot = Robot(setup, directory, ending)
         await robot.start()
         yield robot
-
-
-async def _wait(condition: Callable[[], bool], otherwise: str, within_s: float = START_LIMIT_S) -> None:
-    deadline_s = time.monotonic() + within_s
-    while not condition():
-        if time.monotonic() > deadline_s:
-            raise DeployError(otherwise)
-        await asyncio.sleep(POLL_S)
 
 
 def _end(process: "subprocess.Popen[bytes]") -> None:

@@ -1,7 +1,7 @@
 """SVG pictures of a campaign for an HTML page, whose style sheet gives the colours. Pure."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
@@ -30,7 +30,7 @@ def strips(classes: Sequence[ClassFigures]) -> str:
     if not shown:
         return ""
     height_px = ROW_PX * len(shown) + 30
-    parts = [_open(NAME_PX + STRIP_PX + NOTE_PX, height_px, "Distribution of the stop times by class")]
+    parts = [opened(NAME_PX + STRIP_PX + NOTE_PX, height_px, "Distribution of the stop times by class")]
     for decade in range(DECADES + 1):
         x_px = NAME_PX + STRIP_PX * decade / DECADES
         parts.append(f'<path class="grid" d="M{x_px:.1f} 0V{height_px - 24}"/>')
@@ -71,8 +71,8 @@ def _time(time_s: float) -> str:
 
 
 @dataclass(frozen=True)
-class _Frame:
-    """Maps times and speeds to the coordinates of a timeline's picture."""
+class Frame:
+    """Maps times and speeds to the coordinates of a picture."""
 
     begin_s: float
     end_s: float
@@ -97,47 +97,53 @@ def timeline(trial: Trial, one: Injected) -> str:
         return ""
     samples = samples[:: math.ceil(len(samples) / POINTS)]
     speeds = [v[0] for s in samples for v in (s.commanded, s.permitted, s.true)]
-    frame = _Frame(begin_s, end_s, min(0.0, *speeds), max(0.2, *speeds))
+    frame = Frame(begin_s, end_s, min(0.0, *speeds), max(0.2, *speeds))
+    ticks = {f"{after_s:+.1f} s": one.time_s + after_s for after_s in (-0.5, 0.0, 0.5, 1.0, 1.5, 2.0)}
     title = f"Speeds around {one.fault} in the trial of seed {trial.seed}"
     faults = [other for other in trial.faults if begin_s <= other.time_s <= end_s]
     return "".join(
         [
-            _open(LEFT_PX + WIDTH_PX + 10, BOTTOM_PX + REASONS_PX + 14, title),
-            *_axes(frame, one.time_s),
+            opened(LEFT_PX + WIDTH_PX + 10, BOTTOM_PX + REASONS_PX + 14, title),
+            *axes(frame, ticks, BOTTOM_PX + REASONS_PX + 10),
             *_lines(frame, samples),
-            *(part for other in faults for part in _moment(frame, other)),
+            *(part for other in faults for part in moment(frame, other.time_s, other.fault)),
             *_stops(frame, samples),
             "</svg>",
         ]
     )
 
 
-def _axes(frame: _Frame, fault_s: float) -> Iterator[str]:
+def axes(frame: Frame, ticks: Mapping[str, float], ticks_px: float) -> Iterator[str]:
+    """Draw the axes of speed and time, with labels for some times at a height."""
     for speed_m_s in dict.fromkeys((frame.low_m_s, 0.0, frame.high_m_s)):
         y_px = frame.y_px(speed_m_s)
         yield f'<path class="grid" d="M{LEFT_PX} {y_px:.1f}h{WIDTH_PX}"/>'
         yield f'<text class="name" x="{LEFT_PX - 4}" y="{y_px + 4:.1f}">{speed_m_s:.2f}</text>'
-    for after_s in (-0.5, 0.0, 0.5, 1.0, 1.5, 2.0):
-        place = f'x="{frame.x_px(fault_s + after_s):.1f}" y="{BOTTOM_PX + REASONS_PX + 10}"'
-        yield f'<text class="tick" {place}>{after_s:+.1f} s</text>'
+    for label, time_s in ticks.items():
+        yield f'<text class="tick" x="{frame.x_px(time_s):.1f}" y="{ticks_px:.0f}">{label}</text>'
 
 
-def _lines(frame: _Frame, samples: Sequence[Sample]) -> Iterator[str]:
+def _lines(frame: Frame, samples: Sequence[Sample]) -> Iterator[str]:
     commanded = [(frame.x_px(s.time_s), frame.y_px(s.commanded[0])) for s in samples]
     permitted = [(frame.x_px(s.time_s), frame.y_px(s.permitted[0])) for s in samples]
-    true = [(frame.x_px(s.time_s), frame.y_px(s.true[0])) for s in samples]
     yield f'<path class="commanded" d="{_steps(commanded)}"/><path class="permitted" d="{_steps(permitted)}"/>'
-    line = "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in true)
-    yield f'<path class="true" d="{line}"/>'
+    yield true_line(frame, [(s.time_s, s.true[0]) for s in samples])
 
 
-def _moment(frame: _Frame, fault: Injected) -> Iterator[str]:
-    x_px = frame.x_px(fault.time_s)
+def true_line(frame: Frame, speeds: Iterable[tuple[float, float]]) -> str:
+    """Draw the true speed over time."""
+    line = "L".join(f"{frame.x_px(time_s):.1f} {frame.y_px(m_s):.1f}" for time_s, m_s in speeds)
+    return f'<path class="true" d="M{line}"/>'
+
+
+def moment(frame: Frame, time_s: float, name: str) -> Iterator[str]:
+    """Draw a vertical line with a name at a time."""
+    x_px = frame.x_px(time_s)
     yield f'<path class="bound" d="M{x_px:.1f} {TOP_PX - 4}V{BOTTOM_PX}"/>'
-    yield f'<text class="tick" x="{x_px:.1f}" y="{TOP_PX - 7}">{escape(fault.fault)}</text>'
+    yield f'<text class="tick" x="{x_px:.1f}" y="{TOP_PX - 7}">{escape(name)}</text>'
 
 
-def _stops(frame: _Frame, samples: Sequence[Sample]) -> Iterator[str]:
+def _stops(frame: Frame, samples: Sequence[Sample]) -> Iterator[str]:
     for from_s, until_s, reasons in _reasons(samples):
         left_px, wide_px = frame.x_px(from_s), frame.x_px(until_s) - frame.x_px(from_s)
         yield (
@@ -166,6 +172,7 @@ def _steps(points: Sequence[tuple[float, float]]) -> str:
     return f"M{first[0]:.1f} {first[1]:.1f}" + "".join(f"H{x:.1f}V{y:.1f}" for x, y in others)
 
 
-def _open(width_px: float, height_px: float, title: str) -> str:
+def opened(width_px: float, height_px: float, title: str) -> str:
+    """Return the first tag of a picture."""
     size = f'viewBox="0 0 {width_px:.0f} {height_px:.0f}" width="{width_px:.0f}"'
     return f'<svg role="img" {size} aria-label="{escape(title)}">'

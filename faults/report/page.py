@@ -1,7 +1,7 @@
 """The report of a campaign as one HTML page without scripts or external resources, for screen and paper."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from pathlib import Path
 from typing import NamedTuple
@@ -101,15 +101,22 @@ def _page(sources: Sequence[str], found: Sequence[Campaign], left_out: int) -> s
         found: the campaigns in them.
         left_out: number of trials of older revisions, which are not in the figures.
     """
-    title = "Lifeline: what each fault leads to"
+    parts = [
+        *_head(sources, found, left_out),
+        *(part for one in found for part in _campaign(one)),
+        *_how_to_read(),
+    ]
+    return document("Lifeline: what each fault leads to", parts)
+
+
+def document(title: str, parts: Iterable[str]) -> str:
+    """Return a page that needs nothing else, with the style sheet of our pictures."""
     return "".join(
         [
             '<!doctype html><html lang="en"><head><meta charset="utf-8">',
             '<meta name="viewport" content="width=device-width,initial-scale=1">',
             f"<title>{title}</title><style>{STYLE}</style></head><body><h1>{title}</h1>",
-            *_head(sources, found, left_out),
-            *(part for one in found for part in _campaign(one)),
-            *_how_to_read(),
+            *parts,
             "</body></html>\n",
         ]
     )

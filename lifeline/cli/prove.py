@@ -52,6 +52,14 @@ def judge(
     cmd_vel: Annotated[
         str | None, option("--cmd-vel", "TOPIC", "Topic of the commands to the base (Twist or TwistStamped).")
     ] = None,
+    estop: Annotated[
+        list[str] | None,
+        option(
+            "--estop",
+            "TOPIC",
+            "Topic of an e-stop (Bool: true presses it, false resets it). Repeat it for each.",
+        ),
+    ] = None,
     config: Annotated[
         Path | None,
         option(
@@ -73,9 +81,10 @@ def judge(
     from recordings.judge.judge import judge as judge_it
     from recordings.judge.page import page, to_json
 
+    named = Named(tuple(scan or ()), odom, cmd_vel, tuple(estop or ()))
     progress = StatusLine(sys.stderr)
     try:
-        found = judge_it(file, config, Named(tuple(scan or ()), odom, cmd_vel), progress.show)
+        found = judge_it(file, config, named, progress.show)
     finally:
         progress.clear()
     show(to_json(found) if as_json else None, *(() if as_json else page(found)), as_json=as_json)
@@ -256,15 +265,15 @@ def grade(
 
     Exit 0 if the program passed, 1 if it did not, 2 if it could not be graded.
     """
-    from faults.grade import command as grading
+    from faults.grade.rubric import DEFAULT, read
 
     if print_rubric:
-        print(grading.default_rubric(), end="")
+        print(DEFAULT.read_text(encoding="utf-8"), end="")
         return 0
     require("sim")
+    from faults.grade import command as grading
     from faults.grade.exam import Exam
     from faults.grade.robot import Setup
-    from faults.grade.rubric import read
 
     setup = Setup(endpoint, lifeline=through_lifeline, timeout_s=base_timeout, ros2=ros2, hold=hold)
     exam = Exam(tuple(program or ()), setup, read(rubric), keys, stop_key, whole_group)

@@ -13,6 +13,7 @@ from wire.ros import Bool, LaserScan, Odometry, Twist
 TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
 SCAN_TYPES = (LaserScan.__msgtype__,)
 ODOM_TYPES = (Odometry.__msgtype__,)
+ESTOP_TYPES = (Bool.__msgtype__,)
 COMMAND_TYPES = (Twist.__msgtype__, TWIST_STAMPED)
 MAX_NAMED = 8
 """Topics that a sentence names."""
@@ -25,6 +26,7 @@ class Named:
     scans: tuple[str, ...] = ()
     odom: str | None = None
     cmd_vel: str | None = None
+    estops: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +42,7 @@ class Chosen:
     requests: Mapping[str, str] = field(default_factory=dict[str, str])
     """The source of each topic with requests to the supervisor."""
     estops: tuple[str, ...] = ()
-    """The topics of the e-stop and of the e-stop stations."""
+    """The topics of e-stops, those of e-stop stations included."""
 
     def all(self) -> frozenset[str]:
         """Return the names of all these topics."""
@@ -62,7 +64,7 @@ def choose(path: Path, found: Mapping[str, Found], named: Named, lidars: Sequenc
         DeployError: it has no scan and no command, a named topic is missing, or several would fit.
     """
     statuses = _of_types(found, (SafetyStatus.__msgtype__,))
-    has_named = bool(named.scans or named.odom or named.cmd_vel)
+    has_named = named != Named()
     ending = f"/{topics.STATUS.key}"
     if len(statuses) > 1 and not has_named:
         raise _several(
@@ -77,7 +79,9 @@ def choose(path: Path, found: Mapping[str, Found], named: Named, lidars: Sequenc
         raise DeployError(
             f"{path} cannot be judged: it has no laser scan, and not both odometry and commands, as ROS 2 messages; it has {_list(found)}"
         )
-    return Chosen(scans, odom, cmd_vel)
+    for name in named.estops:
+        _check(path, found, name, ESTOP_TYPES, "--estop")
+    return Chosen(scans, odom, cmd_vel, estops=named.estops)
 
 
 def _own(found: Mapping[str, Found], namespace: str, lidars: Sequence[str]) -> Chosen:
@@ -109,6 +113,8 @@ def _scans(
     if named:
         for name in named:
             _check(path, found, name, SCAN_TYPES, "--scan")
+        if len(set(named)) < len(named):
+            raise DeployError("--scan names a topic twice: name one topic for each lidar")
         scans = list(named)
     else:
         scans = _of_types(found, SCAN_TYPES)

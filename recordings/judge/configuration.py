@@ -1,8 +1,9 @@
 """The configuration of the law for a recording: the robot's own, or assumptions that the page names."""
 
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,39 +24,33 @@ PERIODS_IN_TIMEOUT = 1.5
 LONGEST_TIMEOUT_S = 3.0
 
 
-@dataclass(frozen=True, slots=True)
-class Own:
-    """The configuration file of the robot."""
+class Own(NamedTuple):
+    """The robot's own configuration."""
 
-    path: Path
-    section: SupervisorSection
-    is_base_known: bool
+    law: LawConfig
+    lidars: list[str]
+    """The topics of the lidars, below the namespace."""
 
-    @classmethod
-    def read(cls, path: Path) -> "Own":
-        """Read a file.
 
-        Raises:
-            DeployError: it is refused.
-        """
-        try:
-            document = read_toml(path)
-            section = read_robot(document, simulated=False)[SupervisorSection]
-        except ConfigError as error:
-            raise DeployError(str(error)) from error
-        return cls(path, section, is_base_known(document))
+def read_own(path: Path) -> Own:
+    """Read the configuration of a robot.
 
-    @property
-    def lidars(self) -> list[str]:
-        """The topics of the lidars, below the namespace."""
-        return [lidar.topic for lidar in self.section.all_lidars()]
+    Raises:
+        DeployError: the file is refused.
+    """
+    try:
+        document = read_toml(path)
+        section = read_robot(document, simulated=False)[SupervisorSection]
+    except ConfigError as error:
+        raise DeployError(str(error)) from error
+    law = section.law(is_base_known=is_base_known(document))
+    return Own(law, [lidar.topic for lidar in section.all_lidars()])
 
 
 def law_of(source: Source, chosen: Chosen, own: Own | None) -> tuple[LawConfig, tuple[str, ...]]:
     """Return the configuration of the law, and a text for each part of it that is assumed."""
     if own is not None:
-        law = own.section.law(is_base_known=own.is_base_known)
-        return replace(law, odometry=law.odometry and chosen.odom is not None), ()
+        return replace(own.law, odometry=own.law.odometry and chosen.odom is not None), ()
     if isinstance(source, BlackBoxSource):
         return source.law, ()
     law = SupervisorSection().law()

@@ -8,15 +8,15 @@ import numpy as np
 
 from recordings.judge.choice import TWIST_STAMPED, Chosen
 from recordings.judge.findings import Moment, Places, Stream
-from recordings.judge.monitors import Event, Monitors, Motion, Output, Pressed, Request
-from recordings.judge.own import events_of_status, moment_of_status, velocity_of
-from recordings.judge.rerun import SOURCE, START_S, Rerun
+from recordings.judge.monitors import Event, Monitors, Motion, Output, Pressed, Released, Request
+from recordings.judge.own import events_of_status, is_estopped, moment_of_status, velocity_of
+from recordings.judge.rerun import BREAK_S, SOURCE, START_S, Rerun
 from recordings.recording import Recorded
 from supervisor.law.base_motion import moves
 from supervisor.law.lidar import PROFILES
 from supervisor.law.model import LawConfig
 from supervisor.law.reckoning import STANDSTILL, Velocity
-from supervisor.messages import ScanHeaders
+from supervisor.messages import ScanHeaders, planar
 from wire import cdr
 from wire import messages as ros
 from wire.bus import Arrival
@@ -49,12 +49,17 @@ class Feed(ABC):
         self.not_judged = ""
         """Why the law's stops are not judged; empty if they are."""
         self.judged_from_s = 0.0
+        self.breaks = 0
+        """Pauses of the whole recording."""
+        self._last_s = 0.0
         self._moving = False
         timeouts_s = [lidar.timeout_s for lidar in law.lidars]
         timeouts_s += timeouts_s[-1:] * (len(chosen.scans) - len(timeouts_s))
         for name, timeout_s in zip(chosen.scans, timeouts_s, strict=False):
             self.add("scan", name, timeout_s)
         self.add("odometry", chosen.odom, law.odom_timeout_s)
+        for name in chosen.estops:
+            self.add("e-stop", name)
 
     def add(self, role: str, topic: str | None, timeout_s: float = math.inf) -> None:
         """Follow a topic, if it was chosen."""
@@ -63,6 +68,9 @@ class Feed(ABC):
 
     def hear(self, time_s: float, message: Recorded) -> None:
         """Process a message, in order of time; one that cannot be decoded is counted."""
+        if time_s - self._last_s > BREAK_S:
+            self._pause()
+        self._last_s = time_s
         stream = self.streams[message.topic]
         try:
             digest = self._hear(time_s, message)
@@ -75,6 +83,17 @@ class Feed(ABC):
         """Process the end of the recording."""
         for stream in self.streams.values():
             stream.end(time_s)
+        if self.breaks:
+            self.notes.append(
+                f"all topics paused {self.breaks:,} ×; after a pause, law and rules start again"
+            )
+
+    def _pause(self) -> None:
+        """Process a pause of all topics: what happened in it is unknown, and no topic was silent alone."""
+        self.breaks += 1
+        self.monitors.forget()
+        for stream in self.streams.values():
+            stream.pause()
 
     @abstractmethod
     def _hear(self, time_s: float, message: Recorded) -> int | None:
@@ -117,16 +136,18 @@ class AnyRobot(Feed):
             return self._hear_odometry(time_s, message)
         if message.topic in self.chosen.scans:
             return self._hear_scan(time_s, message)
+        if message.topic in self.chosen.estops:
+            is_pressed = decode(message.payload, ros.Bool).data
+            self._judge([Pressed(time_s) if is_pressed else Released(time_s)])
+            return None
         twist = _twist_of(message)
-        velocity, others = (
-            velocity_of(twist),
-            (twist.linear.y, twist.linear.z, twist.angular.x, twist.angular.y),
-        )
-        self._judge([Request(time_s, SOURCE, velocity == STANDSTILL and not any(others))])
+        velocity = planar(twist)
+        if _is_finite(twist):  # this base may move sideways
+            self._judge([Request(time_s, SOURCE, velocity == STANDSTILL)])
         if self.chosen.odom is None:
             self._set_moving(moving=velocity != STANDSTILL)
         if self._rerun is not None:
-            self._see([self._rerun.hear_command(time_s, None if any(others) else velocity)])
+            self._see([self._rerun.hear_command(time_s, velocity)])
         return None
 
     def _hear_scan(self, time_s: float, message: Recorded) -> int:
@@ -173,12 +194,13 @@ class AnyRobot(Feed):
         self._see(rerun.advance(time_s))
         self.judged_from_s = rerun.judged_from_s
         missing = [name for name in scans if not self.streams[name].messages]
-        if missing:
+        unread = [one.topic for one in self.streams.values() if 0 < one.messages == one.undecodable]
+        if unread:
+            self.not_judged = f"no message on {', '.join(unread)} can be decoded; if they are compressed, name the recording's folder"
+        elif missing:
             self.not_judged = f"no scan on {', '.join(missing)}"
         elif not self.places.judged_s:
             self.not_judged = "no motion is recorded after the first scans"
-        if rerun.breaks:
-            self.notes.append(f"{rerun.breaks} pauses of all topics, after which the law starts again")
         if self._headers.problem:
             self.notes.append(self._headers.problem)
         for name, lidar in zip(scans, self.law.lidars, strict=True):
@@ -201,8 +223,12 @@ class Supervised(Feed):
         self.add("status", chosen.status, STATUS_TIMEOUT_S)
         self._moved, self._moved_s = STANDSTILL, -math.inf
         """The last velocity that was permitted, and when."""
-        for name in chosen.estops:
-            self.add("e-stop", name)
+        self._status, self._status_s = ros.SafetyStatus(ros.header("", 0)), -math.inf
+        """The last status, and when."""
+
+    def _pause(self) -> None:
+        super()._pause()
+        self._status = ros.SafetyStatus(ros.header("", 0))
 
     def _hear(self, time_s: float, message: Recorded) -> int | None:
         topic, payload, chosen = message.topic, message.payload, self.chosen
@@ -214,7 +240,8 @@ class Supervised(Feed):
             return hash(payload)
         if topic == chosen.status:
             status = decode(payload, ros.SafetyStatus)
-            self._judge(events_of_status(time_s, status))
+            self._judge(events_of_status(time_s, status, was_estopped=is_estopped(self._status)))
+            self._status, self._status_s = status, time_s
             moment, permitted = moment_of_status(time_s, status), velocity_of(status.permitted)
             if permitted != STANDSTILL:
                 self._moved, self._moved_s = permitted, time_s
@@ -222,15 +249,22 @@ class Supervised(Feed):
                 moment = moment._replace(wanted=self._moved)  # with an e-stop, teleop sends zero at once
             self.places.see(moment)
         elif topic == chosen.cmd_vel:
-            self._judge([Output(time_s, velocity_of(_twist_of(message)) != STANDSTILL)])
+            self._judge([Output(time_s, planar(_twist_of(message)) != STANDSTILL)])
         elif topic in chosen.estops:
-            is_bool = message.msgtype == ros.Bool.__msgtype__
-            if decode(payload, ros.Bool).data if is_bool else decode(payload, ros.EstopLease).stop:
+            is_heard = time_s - self._status_s <= STATUS_TIMEOUT_S  # otherwise no supervisor may run
+            if is_heard and self._is_pressed(message):
                 self._judge([Pressed(time_s)])
-        else:
-            velocity = velocity_of(_twist_of(message))
+        elif _is_finite(twist := _twist_of(message)) and (velocity := planar(twist)) is not None:
             self._judge([Request(time_s, chosen.requests[topic], velocity == STANDSTILL)])
         return None
+
+    def _is_pressed(self, message: Recorded) -> bool:
+        """Return whether a message requests an e-stop; the stations of other robots do not."""
+        if message.msgtype == ros.Bool.__msgtype__:
+            return decode(message.payload, ros.Bool).data
+        station = message.topic.split("/")[-2]
+        is_own = any(one.name == station for one in self._status.estop_stations)
+        return decode(message.payload, ros.EstopLease).stop and is_own
 
 
 def _twist_of(message: Recorded) -> Twist:
@@ -243,3 +277,8 @@ def _twist_of(message: Recorded) -> Twist:
     if message.msgtype == TWIST_STAMPED:
         payload = cdr.twist_of(payload, stamped=True) or b""
     return decode(payload, Twist)
+
+
+def _is_finite(twist: Twist) -> bool:
+    parts = twist.linear, twist.angular
+    return all(math.isfinite(value) for part in parts for value in (part.x, part.y, part.z))

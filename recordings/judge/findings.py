@@ -48,6 +48,8 @@ class Stream:
     """Messages equal to the previous one while the robot moved."""
     first_s: float = math.nan
     last_s: float = math.nan
+    _since_s: float = math.nan
+    """Begin of the present gap."""
     _has_moved: bool = False
     _digest: int | None = None
 
@@ -59,16 +61,20 @@ class Stream:
         else:
             self.first_s = time_s
         self.messages += 1
-        self.last_s, self._digest, self._has_moved = time_s, digest, moving
+        self.last_s = self._since_s = time_s
+        self._digest, self._has_moved = digest, moving
 
     def moved(self) -> None:
         """Note that the robot moves, since the last message."""
         self._has_moved = True
 
+    def pause(self) -> None:
+        """Begin again after a pause of all topics, which is no gap of this one."""
+        self._since_s = math.nan
+
     def end(self, time_s: float) -> None:
         """End the recording: silence until then is a gap too."""
-        if self.messages:
-            self._gap(time_s)
+        self._gap(time_s)
 
     @property
     def period_s(self) -> float:
@@ -76,13 +82,13 @@ class Stream:
         return (self.last_s - self.first_s) / (self.messages - 1) if self.messages > 1 else math.nan
 
     def _gap(self, time_s: float) -> None:
-        gap_s = time_s - self.last_s
+        gap_s = time_s - self._since_s  # NaN after a pause
         if gap_s > self.longest_s:
-            self.longest_s, self.longest_at_s = gap_s, self.last_s
+            self.longest_s, self.longest_at_s = gap_s, self._since_s
         if gap_s > self.timeout_s and self._has_moved:
             self.stale += 1
             if gap_s > self.stale_longest_s:
-                self.stale_longest_s, self.stale_at_s = gap_s, self.last_s
+                self.stale_longest_s, self.stale_at_s = gap_s, self._since_s
 
 
 class Moment(NamedTuple):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from deploy.stack.errors import DeployError
 from recordings.judge.choice import Named, choose
-from recordings.judge.configuration import Own, law_of
+from recordings.judge.configuration import law_of, read_own
 from recordings.judge.feed import AnyRobot, Feed, Supervised
 from recordings.judge.monitors import Monitors
 from recordings.judge.source import BlackBoxSource, open_source
@@ -61,7 +61,7 @@ def judge(path: Path, config: Path | None, named: Named, show: Callable[[str], N
         DeployError: it cannot be judged; the message says why.
     """
     source = open_source(path)
-    own = None if config is None else Own.read(config)
+    own = None if config is None else read_own(config)
     show("reading the topics")
     found = source.topics()
     chosen = choose(path, found, named, [] if own is None else own.lidars)
@@ -83,4 +83,8 @@ def judge(path: Path, config: Path | None, named: Named, show: Callable[[str], N
         because = f" ({source.problem})" if source.problem else ""
         raise DeployError(f"{path} cannot be judged: none of its messages can be read{because}")
     feed.end(time_s)
+    if source.set_back:
+        feed.notes.append(
+            f"the clock was set back {source.set_back:,} ×; what follows counts as recorded after a pause"
+        )
     return Judgement(path, chosen.status is not None, config, assumptions, feed, time_s, source.problem)

@@ -6,7 +6,7 @@ The events of one moment have this order: requests and e-stops, the step of the 
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, NamedTuple
 
 from wire.reasons import Limit, StopReason
@@ -90,6 +90,28 @@ NAMES: dict[type[Event], str] = {
 }
 
 
+@dataclass
+class Braking:
+    """How long a base without a supervisor may move after it had to stop.
+
+    Args:
+        deceleration_m_s2: of the base.
+    """
+
+    deceleration_m_s2: float
+    _speed_m_s: float | None = field(init=False, default=None)
+    """The last speed before it had to stop; otherwise the first one after."""
+
+    def limit_s(self, speed_m_s: float, *, must_stop: bool) -> float:
+        """Process a speed; return the time to standstill from the moment at which the base had to stop."""
+        if self._speed_m_s is None or not must_stop:
+            self._speed_m_s = speed_m_s
+        return self._speed_m_s / self.deceleration_m_s2 + GRACE_S
+
+    def forget(self) -> None:
+        self._speed_m_s = None
+
+
 class Violation(NamedTuple):
     """A moment at which a rule began to be broken."""
 
@@ -117,6 +139,16 @@ class Verdict(NamedTuple):
 
 
 @dataclass
+class Counts:
+    """What a monitor has counted."""
+
+    heard: set[type[Event]] = field(default_factory=set[type[Event]])
+    moments: int = 0
+    broken: int = 0
+    violations: list[Violation] = field(default_factory=list[Violation])
+
+
+@dataclass
 class Monitor:
     """Judges one rule.
 
@@ -131,56 +163,69 @@ class Monitor:
     """Why nothing was judged although all these events were recorded."""
 
     leeway_s: float = 0.0
-    _heard: set[type[Event]] = field(init=False, default_factory=set[type[Event]])
-    _moments: int = field(init=False, default=0)
-    _broken: int = field(init=False, default=0)
+    counts: Counts = field(kw_only=True, default_factory=Counts)
     _is_broken: bool = field(init=False, default=False)
-    _violations: list[Violation] = field(init=False, default_factory=list[Violation])
 
     def hear(self, event: Event) -> Violation | None:
         """Process an event, in order of time. Return the violation if it begins one."""
-        self._heard.add(type(event))
+        self.counts.heard.add(type(event))
         sentence = self._judge(event)
         if sentence is None:
             return None
-        self._moments += 1
+        self.counts.moments += 1
         begins, self._is_broken = bool(sentence) and not self._is_broken, bool(sentence)
         if not begins:
             return None
         violation = Violation(self.rule, event.time_s, sentence)
-        self._broken += 1
-        if len(self._violations) < MAX_VIOLATIONS:
-            self._violations.append(violation)
+        self.counts.broken += 1
+        if len(self.counts.violations) < MAX_VIOLATIONS:
+            self.counts.violations.append(violation)
         return violation
 
     def verdict(self) -> Verdict:
-        missing = [group for group in self.needs if self._heard.isdisjoint(group)]
-        why_not = "; ".join(f"no {NAMES[group[0]]}" for group in missing)
-        why_not = why_not or ("" if self._moments else self.idle)
+        missing = [group for group in self.needs if self.counts.heard.isdisjoint(group)]
+        why_not = "; ".join(
+            f"no {' and no '.join(NAMES[kind] for kind in group if kind in NAMES)}" for group in missing
+        )
+        why_not = why_not or ("" if self.counts.moments else self.idle)
         if why_not:
             return Verdict(self.rule, why_not, 0, 0, ())
-        return Verdict(self.rule, "", self._moments, self._broken, tuple(self._violations))
+        return Verdict(self.rule, "", self.counts.moments, self.counts.broken, tuple(self.counts.violations))
 
     def _judge(self, event: Event) -> str | None:
         """Return how the event breaks the rule; "" if it keeps it, None if the rule is not about it."""
         raise NotImplementedError
 
 
+@dataclass
 class SameStep(Monitor):
-    """stop reason now ⇒ zero in the same step."""
+    """stop reason now ⇒ zero in the same step, and in the commands to the base between two such steps."""
 
     rule = "a stop reason ⇒ zero in the same step"
     needs = ((Step,),)
     idle = "no stop was recorded"
 
+    _stopped_s: float = field(init=False, default=math.inf)
+    """Since when each step has had a stop reason."""
+    _output_s: float = field(init=False, default=math.inf)
+    """The first motion that the base was commanded in this time."""
+
     def _judge(self, event: Event) -> str | None:
-        if not isinstance(event, Step):
-            return None
-        stops = event.reasons | (event.causes - BARRIER - LIMITS)
-        if not stops:
-            self._is_broken = False
-            return None
-        return f"motion is commanded despite {', '.join(sorted(stops))}" if event.moves else ""
+        match event:
+            case Output(time_s, moves=True) if time_s >= self._stopped_s + self.leeway_s:
+                self._output_s = min(self._output_s, time_s)
+            case Step(time_s, moves, causes, reasons):
+                stops = reasons | (causes - BARRIER - LIMITS)
+                if not stops:
+                    self._is_broken, self._stopped_s, self._output_s = False, math.inf, math.inf
+                    return None
+                self._stopped_s = min(self._stopped_s, time_s)
+                if moves or time_s >= self._output_s + self.leeway_s:
+                    return f"motion is commanded despite {', '.join(sorted(stops))}"
+                return ""
+            case _:
+                pass
+        return None
 
 
 @dataclass
@@ -221,13 +266,21 @@ class NeutralFirst(Monitor):
 
 @dataclass
 class Estop(Monitor):
-    """moves ⇒ (a reset since the last e-stop)."""
+    """moves ⇒ (a reset since the last e-stop).
+
+    Args:
+        deceleration_m_s2: of a base without a supervisor: it may move while it brakes.
+    """
 
     rule = "e-stop ⇒ zero until a reset"
-    needs = ((Step, Output),)
+    needs = ((Step, Output, Motion),)
     idle = "no e-stop was recorded"
 
+    deceleration_m_s2: float = 1.5
     _pressed_s: float = field(init=False, default=math.inf)
+
+    def __post_init__(self) -> None:
+        self._braking = Braking(self.deceleration_m_s2)
 
     def _judge(self, event: Event) -> str | None:
         match event:
@@ -240,6 +293,14 @@ class Estop(Monitor):
                     return f"motion is commanded {time_s - self._pressed_s:.2f} s after the e-stop, without a reset"
                 if not moves:
                     return ""
+            case Motion(time_s, speed_m_s):
+                since_s = time_s - self._pressed_s
+                limit_s = self._braking.limit_s(speed_m_s, must_stop=since_s >= 0.0)
+                if since_s < 0.0:
+                    return None
+                if speed_m_s > 0.0 and since_s > limit_s + self.leeway_s:
+                    return f"the robot moves {since_s:.2f} s after the e-stop, without a reset"
+                return ""
             case _:
                 pass
         return None
@@ -251,7 +312,7 @@ class FreshCommand(Monitor):
 
     Args:
         timeout_s: maximum age of a command.
-        braking_m_s2: deceleration of a base without a supervisor: it may move while it brakes.
+        deceleration_m_s2: of a base without a supervisor: it may move while it brakes.
     """
 
     rule = "motion ⇒ a fresh command"
@@ -259,10 +320,13 @@ class FreshCommand(Monitor):
     idle = "no motion was recorded"
 
     timeout_s: float = 0.2
-    braking_m_s2: float = 1.5
+    deceleration_m_s2: float = 1.5
     _asked_s: dict[str, float] = field(init=False, default_factory=dict[str, float])
     _first_s: float | None = field(init=False, default=None)
     """The first event: the age of an earlier command is unknown."""
+
+    def __post_init__(self) -> None:
+        self._braking = Braking(self.deceleration_m_s2)
 
     def _judge(self, event: Event) -> str | None:
         if self._first_s is None:
@@ -270,15 +334,20 @@ class FreshCommand(Monitor):
         match event:
             case Request(time_s, source):
                 self._asked_s[source] = time_s
+                self._braking.forget()
                 return None
             case Step(time_s, moves=True, owner=owner):
                 age_s, limit_s = time_s - self._asked_s.get(owner, self._first_s), self.timeout_s
             case Output(time_s, moves=True):
                 age_s, limit_s = time_s - self._newest_s(), self.timeout_s
-            case Motion(time_s, speed_m_s) if speed_m_s > 0.0:
+            case Motion(time_s, speed_m_s):
                 age_s = time_s - self._newest_s()
-                limit_s = self.timeout_s + speed_m_s / self.braking_m_s2 + GRACE_S
-            case Step() | Output() | Motion():
+                must_stop = age_s > self.timeout_s + self.leeway_s
+                limit_s = self.timeout_s + self._braking.limit_s(speed_m_s, must_stop=must_stop)
+                if speed_m_s <= 0.0:
+                    self._is_broken = False
+                    return None
+            case Step() | Output():
                 self._is_broken = False
                 return None
             case _:
@@ -297,15 +366,15 @@ class Monitors:
 
     Args:
         timeout_s: maximum age of a command.
-        braking_m_s2: deceleration of the base.
+        deceleration_m_s2: of the base.
         leeway_s: how far events of different topics may arrive out of order; zero if they have the times that the law read.
     """
 
-    def __init__(self, timeout_s: float, braking_m_s2: float = 1.5, leeway_s: float = 0.0) -> None:
+    def __init__(self, timeout_s: float, deceleration_m_s2: float = 1.5, leeway_s: float = 0.0) -> None:
         self._all: tuple[Monitor, ...] = (
             NeutralFirst(leeway_s),
-            Estop(leeway_s),
-            FreshCommand(leeway_s, timeout_s, braking_m_s2),
+            Estop(leeway_s, deceleration_m_s2),
+            FreshCommand(leeway_s, timeout_s, deceleration_m_s2),
             SameStep(leeway_s),
         )
 
@@ -313,6 +382,10 @@ class Monitors:
         """Process an event, in order of time, and return the violations that begin."""
         heard = (monitor.hear(event) for monitor in self._all)
         return [violation for violation in heard if violation is not None]
+
+    def forget(self) -> None:
+        """Forget the past: after a pause of the recording, it is unknown and breaks no rule."""
+        self._all = tuple(replace(monitor) for monitor in self._all)  # with the same counts
 
     def verdicts(self) -> tuple[Verdict, ...]:
         return tuple(monitor.verdict() for monitor in self._all)

@@ -39,12 +39,22 @@ def events_of_step(
         yield Released(time_s)
 
 
-def events_of_status(time_s: float, status: SafetyStatus) -> Iterator[Event]:
-    """Yield the events of a status: one step, and a reset if it names no e-stop: a reset itself is not recorded."""
+def events_of_status(time_s: float, status: SafetyStatus, *, was_estopped: bool) -> Iterator[Event]:
+    """Yield the events of a status: one step, and a reset if it ends an e-stop: a reset itself is not recorded.
+
+    Args:
+        time_s: when it was recorded.
+        status: the status.
+        was_estopped: whether the status before it named an e-stop; one that never named it has ignored it.
+    """
     causes, reasons = frozenset(status.causes_and_latched()[0]), frozenset(status.reasons)
     yield Step(time_s, velocity_of(status.permitted) != STANDSTILL, causes, reasons, status.owner)
-    if not causes & ESTOPS:
+    if was_estopped and not is_estopped(status):
         yield Released(time_s)
+
+
+def is_estopped(status: SafetyStatus) -> bool:
+    return not ESTOPS.isdisjoint(status.causes_and_latched()[0])
 
 
 def velocity_of(twist: Twist) -> Velocity:

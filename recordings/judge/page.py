@@ -22,7 +22,7 @@ def page(found: Judgement) -> Iterator[Table | Text]:
     """Yield the parts of the page: the verdict, the facts, and the tables."""
     of = "supervised" if found.is_supervised else "not supervised"
     style = "bold red" if found.is_found else "bold yellow" if found.feed.not_judged else "bold green"
-    title = printable(f"{found.path}: {found.duration_s:,.1f} s of a robot, {of} by Lifeline")
+    title = printable(f"{found.path}: {found.duration_s:,.1f} s, robot {of} by Lifeline")
     yield Text(title, "bold").append("\n").append(printable(sentence(found)), style)
     table = facts()
     for name, value in (*_facts_of_places(found), *_facts_of_recording(found)):
@@ -57,7 +57,10 @@ def _facts_of_places(found: Judgement) -> Iterator[tuple[str, str]]:
         yield "first stop", _place(places.first_stop)
     later = places.stops + places.limited - 1
     if later > 0 and not found.is_supervised:
-        yield "later", f"{later:,} more, each as if the robot had come there all the same"
+        yield (
+            "later",
+            f"{later:,} more, each on the condition that the robot came there in spite of the first",
+        )
     for name, at in (("nearest", places.nearest), ("moving", places.nearest_moving)):
         if at is not None:
             yield name, f"{_nearest(at)}, after {at.time_s:.2f} s"
@@ -113,7 +116,7 @@ def _places(found: Judgement) -> Table:
     title = (
         "what Lifeline did"
         if found.is_supervised
-        else "what Lifeline would have done, wherever the robot came"
+        else "what Lifeline would have done at the places of this recording"
     )
     figures = [Column(name, right=True) for name in ("times", "s", "first at")]
     table = Table("reason", "", *figures, "requested", "nearest", title=title)

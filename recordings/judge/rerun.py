@@ -8,7 +8,6 @@ have stopped the robot here, if it had driven here under the same commands? Only
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -39,15 +38,6 @@ WARM_UP_SCANS = 2.0
 """Scan timeouts after a start in which nothing is judged: a clock is proven first, and the first scans show the noise."""
 
 
-class _Answer(NamedTuple):
-    """What the law says about the recorded motion."""
-
-    reasons: tuple[str, ...] = ()
-    limits: tuple[str, ...] = ()
-    scale: float = 1.0
-    detail: str = ""
-
-
 class Rerun:
     """The law over one recording. Times are seconds since the beginning of the recording.
 
@@ -60,8 +50,6 @@ class Rerun:
         self._follows_odometry = follows_odometry
         source = SourceConfig(SOURCE, 0)
         self.law = replace(law, sources=(source,), estop_stations=())
-        self.breaks = 0
-        """Pauses of the whole recording."""
         self.judged_from_s = math.inf
         """From when on something is judged; infinite before the first scan of each lidar."""
         self._warm_s = WARM_UP_SCANS * max(lidar.timeout_s for lidar in law.lidars)
@@ -71,7 +59,6 @@ class Rerun:
         """Run the ticks before a time, and return what the law decides."""
         now_s = START_S + time_s
         if now_s - self._last_s > BREAK_S:
-            self.breaks += 1
             self._start(now_s)
         moments: list[Moment] = []
         while (due_s := self._last_s + TICK_S) < now_s:
@@ -118,7 +105,7 @@ class Rerun:
         self._has_scan = set[int]()
         self._judged_from_s = math.inf
         self._is_stopped = False
-        self._answer = _Answer()
+        self._last = Moment(0.0, STANDSTILL, (), (), 1.0, math.nan, math.nan, "")
 
     @np.errstate(all="ignore")  # hostile numbers would print warnings
     def _step(self, now_s: float, asked: Sequence[Velocity | None] = ()) -> Moment:
@@ -141,10 +128,10 @@ class Rerun:
         wanted = self._wanted(now_s)
         # Otherwise the operator's neutral command is in force until the next recorded one: the last answer still holds.
         if self._is_stopped or decision.commanded != STANDSTILL or wanted == STANDSTILL:
-            self._answer = self._answered(decision)
-        reasons, limits, scale, detail = self._answer
-        nearest = decision.nearest_m, decision.nearest_bearing_rad
-        return Moment(now_s - START_S, wanted, reasons, limits, scale, *nearest, detail)
+            self._last = self._answered(decision)
+        nearest = {"nearest_m": decision.nearest_m, "bearing_rad": decision.nearest_bearing_rad}
+        self._last = self._last._replace(time_s=now_s - START_S, wanted=wanted, **nearest)
+        return self._last
 
     def _command(self, velocity: Velocity | None, now_s: float) -> Command:
         self._sequence += 1
@@ -174,7 +161,8 @@ class Rerun:
         is_fresh = now_s - self._asked_s <= self.law.command_timeout_s
         return self._asked if is_fresh or self._moving else STANDSTILL
 
-    def _answered(self, decision: Decision) -> _Answer:
+    def _answered(self, decision: Decision) -> Moment:
+        """Return what the law says about the recorded motion."""
         limits, scale, asked = tuple(one.value for one in decision.causes), decision.scale, self._asked
         if decision.limit is not None:
             limits = (decision.limit.value,)
@@ -183,7 +171,8 @@ class Rerun:
         if asked is not None and decision.commanded not in {STANDSTILL, asked}:
             limits = (*limits, CLAMPED)
             scale *= self.law.hull_speed_m_s(decision.commanded) / self.law.hull_speed_m_s(asked)
-        return _Answer(tuple(one.value for one in decision.reasons), limits, scale, decision.detail)
+        reasons = tuple(one.value for one in decision.reasons)
+        return self._last._replace(reasons=reasons, limits=limits, scale=scale, detail=decision.detail)
 
 
 def _armed(config: LawConfig, now_s: float) -> State:

@@ -20,6 +20,10 @@ from supervisor.blackbox.file import SUFFIX
 from supervisor.blackbox.reader import BlackBoxReader
 
 REORDER_S = 1.0
+SET_BACK_S = 10.0
+"""A message this much earlier than one before it in the file shows that the clock was set back: the times go on after a pause."""
+PAUSE_S = 20.0
+COMPRESSED = (".zstd", ".zst", ".lz4")
 MAX_WAITING = 2000
 """Messages that wait to be put in order."""
 
@@ -38,6 +42,8 @@ class Source(ABC):
         self.path = path
         self.problem = ""
         """Why the recording ends early; empty if it does not. Valid after all messages have been read."""
+        self.set_back = 0
+        """How often the clock was set back; likewise."""
 
     @abstractmethod
     def topics(self) -> dict[str, Found]:
@@ -50,10 +56,14 @@ class Source(ABC):
     def in_order(self, wanted: Collection[str]) -> Generator[Recorded]:
         """Yield the messages of some topics in order of time; one that is later than that has the time of the last."""
         waiting: list[tuple[int, int, Recorded]] = []
-        newest_ns = last_ns = 0
+        newest_ns = last_ns = shift_ns = 0
         for number, message in enumerate(self.messages(wanted)):
-            newest_ns = max(newest_ns, message.log_time_ns)
-            heappush(waiting, (message.log_time_ns, number, message))
+            if message.log_time_ns + shift_ns < newest_ns - SET_BACK_S * 1e9:
+                self.set_back += 1
+                shift_ns = newest_ns + round(PAUSE_S * 1e9) - message.log_time_ns
+            time_ns = message.log_time_ns + shift_ns
+            newest_ns = max(newest_ns, time_ns)
+            heappush(waiting, (time_ns, number, message))
             while waiting[0][0] < newest_ns - REORDER_S * 1e9 or len(waiting) > MAX_WAITING:
                 last_ns = max(last_ns, waiting[0][0])
                 yield heappop(waiting)[2]._replace(log_time_ns=last_ns)
@@ -155,6 +165,8 @@ def open_source(path: Path) -> Source:
     Raises:
         DeployError: there is no such file or folder, or it is not a recording.
     """
+    if path.suffix in COMPRESSED and path.is_file():
+        raise DeployError(f"{path} is compressed: name the folder with its metadata.yaml")
     if path.name.endswith(SUFFIX):
         return BlackBoxSource(path)
     if path.is_dir() or (path.suffix == ".db3" and path.is_file()):

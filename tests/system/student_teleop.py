@@ -1,7 +1,7 @@
-"""A student's keyboard teleop over Zenoh, as small as it can be: `python student_teleop.py ENDPOINT [--guard]`.
+"""A student's keyboard teleop over Zenoh, as small as it can be: `python student_teleop.py ENDPOINT [--guard | --patrol]`.
 
 w adds 0.1 m/s, s stops. It repeats its velocity at random times, also zero: two instances fight. With --guard, it starts a process that
-sends zero as soon as this one is gone.
+sends zero as soon as this one is gone. With --patrol, it begins late, needs no keys, and drives and rests in turns, whatever is ahead.
 """
 
 import json
@@ -11,6 +11,7 @@ import select
 import subprocess
 import sys
 import termios
+import time
 import tty
 
 import zenoh
@@ -21,6 +22,7 @@ from wire.cdr import STANDSTILL, Planar, twist
 
 KEY = f"{BusConfig().namespace}/{topics.CMD_VEL.key}"
 PERIOD_S = (0.1, 0.5)
+LEG_S, REST_S, LATE_S = 4.0, 1.8, 5.0
 
 
 def connected(endpoint: str) -> zenoh.Session:
@@ -58,10 +60,22 @@ def drive(endpoint: str) -> None:
         session.put(KEY, twist(Planar(speed_m_s, 0.0)))
 
 
+def patrol(endpoint: str) -> None:
+    time.sleep(LATE_S)
+    session = connected(endpoint)
+    print("patrols", flush=True)
+    while True:
+        for number in range(round((LEG_S + REST_S) / PERIOD_S[0])):
+            session.put(KEY, twist(Planar(0.3 if number * PERIOD_S[0] < LEG_S else 0.0, 0.0)))
+            time.sleep(PERIOD_S[0])
+
+
 def main() -> None:
     endpoint, *options = sys.argv[1:]
     if "--guarding" in options:
         return guard(endpoint)
+    if "--patrol" in options:
+        return patrol(endpoint)
     if "--guard" in options:
         command = [sys.executable, __file__, endpoint, "--guarding"]
         watching = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)

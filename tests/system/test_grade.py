@@ -80,6 +80,25 @@ def test_what_the_program_starts_may_stop_the_robot_unless_it_is_killed_too(tmp_
 
 
 @pytest.mark.long
+def test_a_rest_before_a_pillar_is_no_stop_and_a_second_instance_that_begins_too_late_is_not_tested(
+    tmp_path: Path,
+) -> None:
+    file = tmp_path / "grade.json"
+    only = ["--rubric", str(rubric(tmp_path, "obstacle", "second"))]
+    output, marks = grade(tmp_path, only, (*STUDENT, "--patrol"), 1)
+    assert marks["obstacle"] == 0.0, output
+    (second,) = (one for one in from_json(file.read_text()).marks if one.fault == "second")
+    assert second.observed is None, output
+    assert "the second instance printed nothing" in second.sentence
+
+
+def test_a_rubric_without_points_grades_nothing(tmp_path: Path) -> None:
+    output, marks = grade(tmp_path, ["--rubric", str(rubric(tmp_path))], STUDENT, 2)
+    assert "could not be graded: the rubric gives no points" in output
+    assert marks == {}
+
+
+@pytest.mark.long
 def test_behind_the_supervisor_lifelines_teleop_stops_and_stays_stopped(tmp_path: Path) -> None:
     teleop = (sys.executable, "-m", "teleop", "--endpoint", "{endpoint}")
     only = ["--rubric", str(rubric(tmp_path, "killed", "stopped", "resumed"))]
@@ -119,7 +138,9 @@ def test_wrong_options_are_refused_in_one_sentence(tmp_path: Path, options: list
     assert len(output.splitlines()) == 1
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)])
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGHUP, 129), (signal.SIGKILL, -signal.SIGKILL)]
+)
 def test_an_exam_that_is_ended_early_leaves_nothing_behind(
     tmp_path: Path, number: signal.Signals, code: int
 ) -> None:

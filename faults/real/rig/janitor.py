@@ -4,6 +4,7 @@ It waits for the end of its stdin, which the kernel closes when the campaign end
 the campaign has cleaned up itself.
 """
 
+import os
 import shutil
 import signal
 import subprocess
@@ -37,6 +38,17 @@ def sweep(directory: Path, number: int) -> None:
         # Lazily, because an open log would keep the mount.
         subprocess.run(["umount", "-l", str(state.path)], capture_output=True, check=False)  # noqa: S607 - the system's
     shutil.rmtree(directory, ignore_errors=True)
+
+
+def hire(module: str, directory: Path) -> "subprocess.Popen[bytes]":
+    """Start the janitor `module` for a directory; it cleans up even if this process is killed. `communicate()` dismisses it."""
+    return subprocess.Popen(
+        [sys.executable, "-m", module, str(directory), str(os.getpid())],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
 
 
 def sweep_at_the_end(sweep: Callable[[Path, int], None]) -> None:

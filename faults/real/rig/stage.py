@@ -32,7 +32,7 @@ from faults.port import End, Hold
 from faults.real.rig import faulty_process
 from faults.real.rig.cable import Cable
 from faults.real.rig.helper_process import HelperProcess, Links
-from faults.real.rig.janitor import STATE, sweep
+from faults.real.rig.janitor import STATE, hire, sweep
 from faults.real.rig.observer import Observer
 from faults.real.rig.wheels import WheelPipe
 from faults.seen import Seen
@@ -123,7 +123,7 @@ class Stage:
         self.state.create()
         self._closing = ExitStack()
         """Resources that are closed without an event loop."""
-        self._hire_janitor()
+        self._closing.callback(hire("faults.real.rig.janitor", self.directory).communicate)
         self._closing.callback(sweep, self.directory, os.getpid())
         self.has_disk = small_disk and self._mount_disk()
         """Whether the state directory is a separate disk."""
@@ -265,17 +265,6 @@ class Stage:
     async def _start_stack(self) -> None:
         bringup.start(self.state, self.launch, self._say)
         await bringup.wait_until_alive(self.state, self.launch, self._say)
-
-    def _hire_janitor(self) -> None:
-        """Start the janitor, which cleans up even if this process is killed."""
-        janitor = subprocess.Popen(
-            [sys.executable, "-m", "faults.real.rig.janitor", str(self.directory), str(os.getpid())],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
-        self._closing.callback(janitor.communicate)
 
     def _mount_disk(self) -> bool:
         if os.geteuid() != 0:

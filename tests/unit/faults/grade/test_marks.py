@@ -77,6 +77,19 @@ def test_a_robot_that_drives_on_has_its_way_and_its_contact() -> None:
     assert seen.nearest_m < 0.0
 
 
+def test_a_robot_that_turns_on_the_spot_moves() -> None:
+    still = drive(lambda _: 0.0)
+    spins = [motion._replace(angular_rad_s=1.0 if motion.time_s >= 3.0 else 0.0) for motion in still]
+    seen = observed(spins, FAULT_S, 0.1, ended=False)
+    assert seen.again_m == pytest.approx(1.0, abs=0.01)
+    assert seen.fastest_m_s == pytest.approx(0.25)
+    assert share(Fault.RESUMED, seen) == 0.0
+    forward = [motion._replace(linear_m_s=0.5) for motion in spins]
+    assert share(Fault.GARBAGE, observed(forward, FAULT_S, 0.1, ended=False)) == 0.0
+    curve = [motion._replace(angular_rad_s=1.0) for motion in forward]
+    assert share(Fault.GARBAGE, observed(curve, FAULT_S, 0.1, ended=False)) == 1.0
+
+
 def test_a_contact_before_the_fault_does_not_count() -> None:
     before = [motion._replace(is_touching=True) for motion in drive(lambda _: 0.5)]
     after = [motion._replace(is_touching=False) if motion.time_s >= FAULT_S else motion for motion in before]
@@ -203,5 +216,6 @@ def test_a_program_passes_at_the_pass_mark_and_not_below_it() -> None:
     assert "not passed" in failed.sentence
 
 
-def test_a_rubric_without_points_is_passed() -> None:
-    assert grade().percent == 100.0
+def test_a_program_that_was_not_tested_has_not_passed() -> None:
+    assert not grade().passed
+    assert not grade(untested(Fault.UNPLUGGED, "no root", RUBRIC)).passed

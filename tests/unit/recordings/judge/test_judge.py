@@ -234,8 +234,54 @@ def test_a_pause_of_the_whole_recording_starts_the_law_again(tmp_path: Path) -> 
         yield from (one._replace(log_time_ns=one.log_time_ns + 3600 * 10**9) for one in drive(3.0))
 
     found = judged(tmp_path, paused())
-    assert "1 pauses of all topics" in found.feed.notes[0]
+    assert "all topics paused 1 ×" in found.feed.notes[0]
     assert found.duration_s > 3600.0
+
+
+def test_what_happened_in_a_pause_of_the_whole_recording_breaks_no_rule(tmp_path: Path) -> None:
+    def paused() -> Iterable[Recorded]:
+        yield from drive(3.0)
+        for one in drive(6.0, silent=(3.0, 3.4)):
+            if one.log_time_ns > ns(3.1):
+                yield one._replace(log_time_ns=one.log_time_ns + 3600 * 10**9)
+
+    found = judged(tmp_path, paused())
+    assert found.broken == []
+    assert stream(found, CMD_VEL).stale == 0
+
+
+def test_what_follows_a_clock_that_was_set_back_is_judged(tmp_path: Path) -> None:
+    found = judged(tmp_path, [*drive(20.0), *drive(wall_m=2.0)])
+    assert totals(found) == {"OBSTACLE": 1}
+    assert found.broken == []
+    assert any("the clock was set back 1 ×" in note for note in found.feed.notes)
+
+
+@pytest.mark.parametrize(("obeyed", "broken"), [(True, []), (False, ["e-stop ⇒ zero until a reset"])])
+def test_an_estop_of_any_robot_is_judged_if_its_topic_is_named(
+    tmp_path: Path, *, obeyed: bool, broken: list[str]
+) -> None:
+    def pressed() -> Iterable[Recorded]:
+        yield from drive(2.0)
+        yield message("/base/stopped", 2.0, ros.Bool(data=True))
+        for one in drive(4.0):
+            if one.log_time_ns > ns(2.0):
+                at_s = (one.log_time_ns - ns(0.0)) / 1e9
+                yield odom(at_s, max(0.0, 0.4 - at_s + 2.0)) if obeyed and one.topic == ODOM else one
+        yield message("/base/stopped", 4.0, ros.Bool(data=False))
+        yield from (one for one in drive(6.0) if one.log_time_ns > ns(4.1))
+
+    named = Named(estops=("/base/stopped",))
+    assert judged(tmp_path, pressed(), named=named).broken == broken
+    assert run(tmp_path / "r.mcap", "--estop", SCAN).exit_code == 2
+
+
+def test_a_fast_base_that_brakes_breaks_no_rule_and_one_that_does_not_breaks_it(tmp_path: Path) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text("[supervisor]\ndeceleration_m_s2 = 1.0\n")
+    for stops, broken in ((True, []), (False, ["motion ⇒ a fresh command"])):
+        fast = drive(8.0, speed_m_s=0.95, silent=(4.0, 6.0), stops=stops)
+        assert judged(tmp_path_of(tmp_path, str(stops)), fast, config).broken == broken
 
 
 def test_the_configuration_of_the_robot_replaces_the_assumptions(tmp_path: Path) -> None:
@@ -254,6 +300,7 @@ def test_several_lidars_are_judged_together(tmp_path: Path) -> None:
     both = [*drive(), *(one._replace(topic="/rear") for one in drive() if one.topic == SCAN)]
     path = write_mcap(tmp_path / "r.mcap", sorted(both, key=lambda one: one.log_time_ns))
     assert "name one or more with --scan" in run(path).stderr.replace("\n", " ")
+    assert "--scan names a topic twice" in run(path, "--scan", SCAN, "--scan", SCAN).stderr
     result = run(path, "--scan", SCAN, "--scan", "/rear", "--json")
     assert result.exit_code == 0, result.output
     assert [one["topic"] for one in json.loads(result.stdout)["topics"]] == [SCAN, "/rear", ODOM, CMD_VEL]
@@ -320,6 +367,15 @@ def test_messages_that_are_not_of_their_type_are_counted(tmp_path: Path) -> None
         (one._replace(payload=one.payload[:9]) if one.log_time_ns % 7 == 0 else one for one in drive()),
     )
     assert all(one.undecodable > 0 for one in found.feed.streams.values())
+
+
+def test_a_recording_that_is_compressed_needs_its_folder(tmp_path: Path) -> None:
+    (tmp_path / "r.db3.zstd").write_bytes(b"compressed")
+    assert "is compressed: name the folder" in run(tmp_path / "r.db3.zstd").stderr
+    path = write_mcap(tmp_path / "r.mcap", (one._replace(payload=one.payload[:9]) for one in drive()))
+    result = run(path)
+    assert result.exit_code == 2
+    assert "no message on /scan, /odom, /cmd_vel can be decoded" in " ".join(result.stdout.split())
 
 
 ANY = st.sampled_from((0.0, -0.0, math.nan, math.inf, -math.inf, 1e308, -1e308, 5e-324, 1.0, -3.0))
@@ -409,22 +465,84 @@ def test_a_black_box_and_its_export_are_judged_alike(tmp_path: Path) -> None:
         assert kept["a stop reason ⇒ zero in the same step"] == ("", 0)
 
 
-def test_an_estop_is_a_stop_although_teleop_sends_zero_with_it(tmp_path: Path) -> None:
-    def status(time_s: float, speed_m_s: float, *reasons: str) -> Recorded:
-        twist = ros.planar_twist(speed_m_s, 0.0)
-        names = list(reasons)
-        one = ros.SafetyStatus(
-            ros.header("", 0),
-            0,
-            names,
-            owner="teleop",
-            commanded=twist,
-            permitted=twist,
-            scale=1.0,
-            causes=names,
-        )
-        return message("/robot/supervisor/status", time_s, one)
+def status(time_s: float, speed_m_s: float, *reasons: str) -> Recorded:
+    twist = ros.planar_twist(speed_m_s, 0.0)
+    names = list(reasons)
+    one = ros.SafetyStatus(
+        ros.header("", 0), 0, names, owner="teleop", commanded=twist, permitted=twist, scale=1.0, causes=names
+    )
+    one.estop_stations = [ros.EstopStationStatus("gate", True, ros.EstopStationStatus.HEARD, False)]  # noqa: FBT003
+    return message("/robot/supervisor/status", time_s, one)
 
+
+def supervised(
+    *extra: Recorded,
+    asked: ros.Twist | None = None,
+    output: ros.Twist | None = None,
+    permitted_m_s: float = 0.4,
+    stop: tuple[float, float] = (math.inf, math.inf),
+) -> list[Recorded]:
+    """Four seconds of a drive at 0.4 m/s under a supervisor.
+
+    Args:
+        extra: more messages.
+        asked: the command of the source from 2 s on; None: as before.
+        output: the command to the base from 2 s on; None: what the status permits.
+        permitted_m_s: permitted outside the stop.
+        stop: the time in which the status has a stop reason and permits nothing.
+    """
+    found = list(extra)
+    for k in range(80):
+        time_s = 0.05 * k
+        is_stopped, is_late = stop[0] <= time_s < stop[1], time_s >= 2.0
+        speed_m_s = 0.0 if is_stopped else permitted_m_s
+        forward = ros.planar_twist(0.4, 0.0)
+        command = asked if is_late and asked is not None else forward
+        found.append(message("/robot/teleop/cmd_vel", time_s, command))
+        out = output if is_late and output is not None else ros.planar_twist(speed_m_s, 0.0)
+        found.append(message("/robot/cmd_vel", time_s + 0.002, out))
+        found.append(status(time_s + 0.003, speed_m_s, *(["SCAN_STALE"] if is_stopped else [])))
+    return sorted(found, key=lambda one: one.log_time_ns)
+
+
+def twist(x_m_s: float, y_m_s: float = 0.0) -> ros.Twist:
+    return ros.Twist(ros.Vector3(x_m_s, y_m_s, 0.0), ros.Vector3(0.0, 0.0, 0.0))
+
+
+def test_a_supervisor_that_ignores_an_estop_breaks_the_rule(tmp_path: Path) -> None:
+    press = message("/robot/estop", 2.0, ros.Bool(data=True))
+    assert judged(tmp_path, supervised(press)).broken == ["e-stop ⇒ zero until a reset"]
+
+
+def test_an_estop_without_a_running_supervisor_breaks_nothing(tmp_path: Path) -> None:
+    press = message("/robot/estop", 2.0, ros.Bool(data=True))
+    late = (one._replace(log_time_ns=one.log_time_ns + 4 * 10**9) for one in supervised())
+    assert judged(tmp_path, [press, *late]).broken == []
+
+
+@pytest.mark.parametrize(("station", "broken"), [("gate", 1), ("of-another-robot", 0)])
+def test_only_a_station_of_this_robot_presses_its_estop(tmp_path: Path, station: str, broken: int) -> None:
+    lease = ros.EstopLease(1, stop=True)
+    press = message(f"/robot/estop_station/{station}/presence", 2.0, lease)
+    assert len(judged(tmp_path, supervised(press)).broken) == broken
+
+
+@pytest.mark.parametrize("asked", [twist(math.nan), twist(math.inf), twist(0.4, 0.1), twist(0.0, math.nan)])
+def test_an_invalid_command_is_neither_fresh_nor_neutral(tmp_path: Path, asked: ros.Twist) -> None:
+    assert judged(tmp_path, supervised(asked=asked)).broken == ["motion ⇒ a fresh command"]
+    again = judged(tmp_path_of(tmp_path, "again"), supervised(asked=asked, stop=(1.5, 2.5)))
+    assert "motion ⇒ no cause since the last neutral command" in again.broken
+
+
+@pytest.mark.parametrize("output", [twist(0.3), twist(0.0, 0.3), twist(math.nan)])
+def test_a_motion_that_the_base_is_commanded_in_spite_of_the_status_is_found(
+    tmp_path: Path, output: ros.Twist
+) -> None:
+    found = judged(tmp_path, supervised(output=output, stop=(1.0, math.inf)))
+    assert found.broken == ["a stop reason ⇒ zero in the same step"]
+
+
+def test_an_estop_is_a_stop_although_teleop_sends_zero_with_it(tmp_path: Path) -> None:
     def pressed(*, obeyed: bool) -> Iterable[Recorded]:
         for k in range(40):
             time_s = 0.05 * k

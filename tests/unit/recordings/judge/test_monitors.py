@@ -80,6 +80,29 @@ def test_an_obstacle_or_a_limit_that_only_slows_the_robot_down_breaks_nothing() 
         assert monitor.verdict().broken == 0
 
 
+def test_a_command_to_the_base_between_two_steps_of_a_stop_breaks_the_rule() -> None:
+    before, moves, after = step(1.0, causes="ESTOP"), Output(1.2, moves=True), step(1.4, causes="ESTOP")
+    assert broken(SameStep(0.1), before, moves, after) == 1
+    assert broken(SameStep(0.1), before, Output(1.2, moves=False), after) == 0
+    assert broken(SameStep(0.1), before, Output(1.05, moves=True), after) == 0
+    assert broken(SameStep(0.1), before, moves, step(1.25, causes="ESTOP"), step(1.3)) == 0
+    assert broken(SameStep(0.1), before, moves, step(1.3)) == 0
+
+
+def test_after_a_pause_the_past_is_unknown() -> None:
+    monitors = Monitors(TIMEOUT_S)
+    for event in (
+        ask(1.0, neutral=True),
+        step(1.0, causes="OVERRUN"),
+        Pressed(1.0),
+        step(1.1, causes="ESTOP"),
+    ):
+        assert monitors.hear(event) == []
+    monitors.forget()
+    for event in (step(60.0, moves=True), Output(60.0, moves=True), Motion(60.0, 0.5)):
+        assert monitors.hear(event) == []
+
+
 def test_one_occasion_counts_once_however_long_it_lasts() -> None:
     moving = [step(0.02 * k, causes="ESTOP", moves=True) for k in range(100)]
     assert broken(SameStep(), *moving, step(3.0, causes="ESTOP"), *moving) == 2
@@ -179,11 +202,25 @@ def test_the_command_must_be_that_of_the_source_that_drives() -> None:
 def test_a_base_without_a_supervisor_has_the_time_to_brake() -> None:
     limit_s = TIMEOUT_S + 0.6 / 1.5 + GRACE_S
 
-    def at(age_s: float) -> int:
-        return broken(FreshCommand(0.0, TIMEOUT_S, 1.5), ask(1.0), Motion(1.0 + age_s, 0.6))
+    def at(age_s: float, *before: Event) -> int:
+        return broken(FreshCommand(0.0, TIMEOUT_S, 1.5), ask(1.0), *before, Motion(1.0 + age_s, 0.6))
 
     assert at(limit_s) == 0
     assert at(limit_s + 1e-5) == 1
+    assert at(limit_s, Motion(1.0 + TIMEOUT_S, 0.5)) == 1
+    assert at(limit_s + 0.5, Motion(1.0 + TIMEOUT_S, 1.5)) == 0
+
+
+def test_after_an_estop_a_base_without_a_supervisor_has_the_time_to_brake() -> None:
+    def at(age_s: float) -> int:
+        return broken(Estop(0.0, 1.5), Motion(0.9, 0.6), Pressed(1.0), Motion(1.0 + age_s, 0.1))
+
+    limit_s = 0.6 / 1.5 + GRACE_S
+    assert at(limit_s - 1e-5) == 0
+    assert at(limit_s + 1e-5) == 1
+    events = (Motion(0.9, 0.6), Pressed(1.0), Motion(1.9, 0.0), Released(2.0), Motion(3.0, 0.6))
+    assert broken(Estop(), *events) == 0
+    assert broken(Estop(), Motion(0.9, 0.6), Pressed(1.0), Motion(3.0, 0.0)) == 0
 
 
 def test_a_base_at_rest_needs_no_command() -> None:
