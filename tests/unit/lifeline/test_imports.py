@@ -54,7 +54,8 @@ def test_a_program_imports_only_the_packages_that_it_needs(modules: str, tmp_pat
         f"import sys, {modules}; print(*{{name.partition('.')[0] for name, module in sys.modules.items()"
         " if 'site-packages' in (getattr(module, '__file__', None) or '')})"
     )
-    assert {*_python(code, tmp_path).split()} == IMPORTED[modules]
+    measuring = {"coverage"}  # where `make coverage` measures this process, too
+    assert {*_python(code, tmp_path).split()} - measuring == IMPORTED[modules]
 
 
 @pytest.mark.parametrize("name", PACKAGES)
