@@ -30,8 +30,6 @@ def main() -> int:
     folder = Path(mkdtemp(prefix="lifeline-flaky-"))
     failed_in: dict[str, list[int]] = {}
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    # A background job of a shell ignores SIGINT, and so would every program of the tests.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
     is_interrupted = False
     try:
         for number in range(1, arguments.runs + 1):

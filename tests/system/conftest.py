@@ -4,11 +4,16 @@ A hub that starts removes what ended hubs have left in its directory: those of o
 """
 
 import os
+import signal
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from wire.zenoh import local_socket
+
+# A background job of a shell ignores SIGINT, and one of nohup SIGHUP; so would every program that a test starts.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
 _sockets = TemporaryDirectory(prefix="lifeline-run-", ignore_cleanup_errors=True)
