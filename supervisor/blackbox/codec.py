@@ -124,7 +124,7 @@ def record_codec(cls: type[Any], *, without: Iterable[str] = ()) -> Codec:
         given = _read_object(document)
         unknown = given.keys() - codecs.keys()
         if unknown:
-            raise ValueError(f"{cls.__name__} has no {min(unknown)}")
+            raise ValueError(f"{cls.__name__} has no {min(unknown):.60}")
         try:
             return cls(**{name: codecs[name].read(value) for name, value in given.items()})
         except TypeError as error:  # a field without a default is missing
@@ -156,7 +156,7 @@ def _one_of(options: Iterable[type[Any]]) -> Codec:
         given = dict(_read_object(document))
         name = given.pop("type", None)
         if name not in codecs:
-            raise ValueError(f"there is no type {name}")
+            raise ValueError(f"there is no type {name!s:.60}")
         return codecs[name].read(given)
 
     return Codec(pack, spell, read)
@@ -265,7 +265,7 @@ def _read_array(kind: str, value: object) -> np.ndarray:
     try:
         dtype = np.dtype(_read_str(given["dtype"]))
         if dtype.kind != kind:
-            raise ValueError(f"an array of {dtype}")
+            raise ValueError(f"an array of {dtype!s:.60}")
         return np.frombuffer(_read_bytes(given["base64"]), dtype=dtype).reshape(given["shape"])
     except (KeyError, TypeError, OverflowError) as error:
         raise ValueError(f"{error!r:.80} in an array") from error
@@ -276,7 +276,7 @@ def _enum_reader(cls: type[Enum]) -> Callable[[object], Enum]:
         try:
             return cls[_read_str(value)]
         except KeyError:
-            raise ValueError(f"there is no {cls.__name__} {value}") from None
+            raise ValueError(f"there is no {cls.__name__} {value!s:.60}") from None
 
     return read
 

@@ -160,6 +160,10 @@ def test_a_field_that_an_older_file_lacks_has_its_default() -> None:
     assert codec(Inputs).read(document) == Inputs(estop=True)
 
 
+LONG = "x" * 70_000
+LONGEST_SENTENCE = 200
+
+
 @pytest.mark.parametrize(
     ("hint", "document", "sentence"),
     [
@@ -198,6 +202,14 @@ def test_a_field_that_an_older_file_lacks_has_its_default() -> None:
             {"dtype": "|O", "shape": [1], "base64": "AAAAAAAAAAA="},
             "an array of object",
         ),
+        (Velocity, {LONG: 0.0}, "Velocity has no x{60}$"),
+        (Mode, LONG, "no Mode x{60}$"),
+        (Hull, {"type": LONG}, "no type x{60}$"),
+        (
+            np.ndarray[Any, np.dtype[np.float32]],
+            {"dtype": ",".join(["<f4"] * 1000), "shape": [1], "base64": ""},
+            "an array of ",
+        ),
     ],
 )
 def test_json_that_is_not_of_the_type_is_refused_with_a_sentence(
@@ -205,8 +217,9 @@ def test_json_that_is_not_of_the_type_is_refused_with_a_sentence(
     document: object,
     sentence: str,
 ) -> None:
-    with pytest.raises(ValueError, match=sentence):
+    with pytest.raises(ValueError, match=sentence) as refusal:
         codec(hint).read(document)
+    assert len(str(refusal.value)) < LONGEST_SENTENCE
 
 
 @pytest.mark.parametrize("hint", [complex, dict[str, int], tuple[object, ...]])
