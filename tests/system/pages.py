@@ -143,10 +143,12 @@ class Line:
     def __init__(self, to_port: int) -> None:
         self._to_port = to_port
         self._ways: list[asyncio.Future[None]] = []
+        self._writers: list[asyncio.StreamWriter] = []
         self.port = 0
 
     async def forward(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         server_reader, server_writer = await asyncio.open_connection("127.0.0.1", self._to_port)
+        self._writers += [writer, server_writer]
         for source, target in ((reader, server_writer), (server_reader, writer)):
             self._ways.append(asyncio.ensure_future(self._copy(source, target)))
 
@@ -161,6 +163,14 @@ class Line:
         for way in self._ways:
             way.cancel()
 
+    async def close(self) -> None:
+        self.lose()
+        await asyncio.gather(*self._ways, return_exceptions=True)
+        for writer in self._writers:
+            writer.close()
+            with suppress(OSError):
+                await writer.wait_closed()
+
 
 @asynccontextmanager
 async def line_to(port: int) -> AsyncGenerator[Line]:
@@ -171,4 +181,4 @@ async def line_to(port: int) -> AsyncGenerator[Line]:
         yield line
     finally:
         server.close()
-        line.lose()
+        await line.close()

@@ -191,6 +191,7 @@ async def test_a_stranger_that_sends_much_is_cut_off_and_the_page_that_is_open_i
         with suppress(ConnectionError):
             await asyncio.wait_for(reader.read(), LIMIT_S)
         await flooding
+        writer.close()
         await subject.never(lambda: LOST in subject.status.causes, "lost beside a stranger", 0.5)
 
 
