@@ -42,10 +42,10 @@ ros2: $(ROS2_STAMP) ## create the environment .ros2 with rclpy, in which `python
 run: $(DRIVE_STAMP) ## drive the robot by keyboard; without a terminal, play the demo
 	@if [ -t 0 ] && [ -t 1 ]; then exec env LIFELINE_UNDER_MAKE=1 .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
-test: $(STAMP) ## run the checks and the tests, also with real processes; each commit must pass them (four minutes)
+test: $(STAMP) ## run the checks and the tests, also with real processes; each commit must pass them (six minutes)
 	$(COMPILE)
-	$(MAKE) --no-print-directory unit
-	$(MAKE) --no-print-directory --jobs=2 NICE="nice -n 10" check quick
+	$(MAKE) --no-print-directory --jobs=2 check unit
+	$(MAKE) --no-print-directory quick
 
 # No test here depends on the real clock, so one runs on each core.
 IN_PARALLEL := --numprocesses=auto --dist=worksteal
@@ -75,7 +75,7 @@ flaky: $(STAMP) ## run the system tests N times (10), every third time under loa
 first-minute: $(STAMP) ## measure `make run` in a new clone with an empty home directory
 	.venv/bin/python -m tests.first_minute
 
-timed: $(STAMP) $(PEERS_STAMP) ## run the system tests that measure real time, one at a time, on an idle machine (twelve minutes)
+timed: $(STAMP) $(PEERS_STAMP) ## run the system tests that measure real time, one at a time, on an idle machine (16 minutes)
 	.venv/bin/pytest -s tests/system -m timed --durations=10
 
 demo: $(STAMP) ## play the demo from the checkout and from an installed wheel, and test what is installed (two minutes)
@@ -110,14 +110,11 @@ coverage: $(STAMP)
 	.venv/bin/coverage combine --quiet
 	.venv/bin/coverage report
 
-# `make test` runs it with low priority beside the real processes, which mostly wait.
-NICE :=
-
 check: $(STAMP) ## run ruff, pyright and import-linter
-	$(NICE) .venv/bin/ruff check
-	$(NICE) .venv/bin/ruff format --check
-	$(NICE) .venv/bin/pyright
-	$(NICE) .venv/bin/lint-imports
+	.venv/bin/ruff check
+	.venv/bin/ruff format --check
+	.venv/bin/pyright
+	.venv/bin/lint-imports
 
 bench: $(STAMP) ## measure the law, the supervisor process and its restart, each beside a reference (four minutes)
 	.venv/bin/python -m bench
