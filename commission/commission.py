@@ -272,9 +272,8 @@ class Conductor:
         else:
             self._there_m = motion.odometry
             self._found.straights.append(motion)
-            if (
-                drive.way_m > 0.0 and drive.speed > plan.SLOW_M_S
-            ):  # the slow drives are too short, and not all toward the wall
+            # The slow drives are too short, and not all of them go toward the wall.
+            if drive.way_m > 0.0 and drive.speed > plan.SLOW_M_S:
                 self._found.driven.append(driven)
 
     def _keep_estop(self, driven: Driven) -> None:

@@ -4,6 +4,7 @@ import asyncio
 import socket
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
+from typing import Any
 
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -21,7 +22,12 @@ ACCEPT_PERIOD_S = 0.01
 """The time between two connections: a flood of them must leave time for the lease of the page that is open."""
 
 
-class _Http(H11Protocol):
+class _Limited(asyncio.Protocol):
+    """The part of a protocol of uvicorn that ends a connection which has sent too much."""
+
+    app_state: dict[str, Any]
+    transport: asyncio.Transport
+
     def data_received(self, data: bytes) -> None:
         if self.app_state["visitor"].may_send(len(data)):
             super().data_received(data)
@@ -29,12 +35,12 @@ class _Http(H11Protocol):
             self.transport.abort()
 
 
-class _WebSocket(WebSocketsSansIOProtocol):
-    def data_received(self, data: bytes) -> None:
-        if self.app_state["visitor"].may_send(len(data)):
-            super().data_received(data)
-        else:
-            self.transport.abort()
+class _Http(_Limited, H11Protocol):
+    pass
+
+
+class _WebSocket(_Limited, WebSocketsSansIOProtocol):
+    pass
 
 
 class _Server(uvicorn.Server):

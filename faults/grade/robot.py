@@ -133,9 +133,8 @@ class Base:
             self._due.clear()
             out.put_bytes(self.output(time.monotonic()))
             with suppress(TimeoutError):
-                async with asyncio.timeout(
-                    PERIOD_S
-                ):  # `wait_for` of Python 3.11 can lose the end of this task
+                # `wait_for` of Python 3.11 can lose the end of this task.
+                async with asyncio.timeout(PERIOD_S):
                     await self._due.wait()
 
 

@@ -13,7 +13,6 @@ from recordings.incidents.incident import IncidentError, messages
 from recordings.recording import Recorded
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.law.model import Command, Inputs, Odometry
-from supervisor.law.reckoning import Velocity
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, WriterAtOnce
 from tests.unit.supervisor.law.law_harness import CONFIG, FORWARD, TICK_S, lost
 from wire.freshness import Sent
@@ -35,8 +34,7 @@ def stopped(directory: Path, *topics: str) -> Path:
     drive = Drive(box_of(writer, *topics))
     drive.drive(1.0)
     drive.stop()
-    for i in range(16):
-        drive.step(Inputs(odometry=Odometry(Velocity(0.5 - i * 0.5 / 15, 0.0), drive.now_s + TICK_S)))
+    drive.brake()
     drive.box.close()
     return writer.paths[0]
 

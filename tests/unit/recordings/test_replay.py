@@ -1,8 +1,6 @@
 """`lifeline replay-decision`: its output and its errors."""
 
 import gzip
-import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +10,8 @@ from typer.testing import CliRunner, Result
 from lifeline.cli.app import app
 from supervisor.blackbox.file import VERSION
 from supervisor.blackbox.recorder import BlackBox
-from supervisor.law.model import Inputs, Odometry
-from supervisor.law.reckoning import Velocity
-from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, WriterAtOnce
-from tests.unit.supervisor.law.law_harness import CONFIG, TICK_S
+from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, WriterAtOnce, rewrite
+from tests.unit.supervisor.law.law_harness import CONFIG
 
 
 def run(path: Path) -> Result:
@@ -33,18 +29,9 @@ def recording(tmp_path: Path) -> Path:
     drive = Drive(BlackBox(CONFIG, writer, window_s=60.0, utc=lambda: NOON_UTC_S))
     drive.drive(1.0)
     drive.stop()
-    for i in range(16):
-        drive.step(Inputs(odometry=Odometry(Velocity(0.5 - i * 0.5 / 15, 0.0), drive.now_s + TICK_S)))
+    drive.brake()
     drive.box.close()
     return writer.paths[0]
-
-
-def rewrite(path: Path, change: Callable[[list[dict[str, Any]]], object]) -> None:
-    with gzip.open(path, "rt") as file:
-        lines = [json.loads(line) for line in file]
-    change(lines)
-    with gzip.open(path, "wt") as file:
-        file.writelines(json.dumps(line) + "\n" for line in lines)
 
 
 def test_the_timeline_names_each_change_and_all_decisions_are_the_same(recording: Path) -> None:

@@ -3,9 +3,7 @@
 import gzip
 import json
 import os
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -13,7 +11,7 @@ from supervisor.blackbox import reader as blackbox_reader
 from supervisor.blackbox.file import FORMAT, VERSION
 from supervisor.blackbox.reader import BlackBoxError, BlackBoxReader, read, stops_of
 from supervisor.blackbox.recorder import BlackBox
-from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, WriterAtOnce
+from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, WriterAtOnce, rewrite
 from tests.unit.supervisor.law.law_harness import CONFIG
 
 STOP = {"now_s": 1000.5, "utc": "2026-07-04T12:00:00.000+00:00", "reasons": ["ESTOP"]}
@@ -27,14 +25,6 @@ def path(tmp_path: Path) -> Path:
     drive.stop()
     drive.box.close()
     return writer.paths[0]
-
-
-def rewrite(path: Path, change: Callable[[list[dict[str, Any]]], object]) -> None:
-    with gzip.open(path, "rt") as file:
-        lines = [json.loads(line) for line in file]
-    change(lines)
-    with gzip.open(path, "wt") as file:
-        file.writelines(json.dumps(line, separators=(",", ":")) + "\n" for line in lines)
 
 
 def test_the_steps_from_a_time_on_are_those_of_the_whole_file(path: Path) -> None:
