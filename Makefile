@@ -42,7 +42,7 @@ ros2: $(ROS2_STAMP) ## create the environment .ros2 with rclpy, in which `python
 run: $(DRIVE_STAMP) ## drive the robot by keyboard; without a terminal, play the demo
 	@if [ -t 0 ] && [ -t 1 ]; then exec env LIFELINE_UNDER_MAKE=1 .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
-test: $(STAMP) ## run the checks and the tests, also with real processes; each commit must pass them (six minutes)
+test: $(STAMP) ## run the checks and the tests, also with real processes; each commit must pass them (five minutes)
 	$(COMPILE)
 	$(MAKE) --no-print-directory --jobs=2 check unit
 	$(MAKE) --no-print-directory quick
