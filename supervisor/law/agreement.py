@@ -8,8 +8,9 @@ mount give the lidar's own motion: they place each new return among the old ones
 returns there. If it mostly does not, the lidar may be mounted other than configured, or odometry may have a wrong sign. An
 explanation is accepted only if it places nearly all returns among the old ones, and if neither the configuration nor a robot
 that stood still explains them: people who walk, wheels that slip, and odometry with a wrong scale have no explanation here, so
-they stop nothing. `DOUBTS` judgements in a row must agree on one. Judgements that confirm the configuration rule the other explanations
-out: those that the view contradicts. A translation and a rotation with enough in view rule out all; the mounting is then confirmed.
+they stop nothing. `DOUBTS` judgements in a row must agree on one. A judgement that confirms the configuration rules out only the
+explanations that its view contradicts: those that fit clearly worse. A translation and a rotation with enough in view rule out all; the
+mounting is then confirmed.
 
 Points of a plane are complex numbers [m]. A rotating lidar measures its beams one after the other; at a steady twist, both scans are
 skewed alike.
@@ -22,8 +23,9 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from supervisor.law.clearance import Mask
+from supervisor.law.clearance import Floats, Mask
 from supervisor.law.reckoning import Pose, between
 from supervisor.law.scan import Complex, Geometry, LaserScan, Mount, Ranges, ScanReading, View, is_full_turn
 from supervisor.law.silence import FAR_SHARE, rows
@@ -224,7 +226,7 @@ def explain(before: View, view: View, mount: Mount) -> frozenset[Explanation] | 
     what explains the view clearly better than the configuration; None if the motion changes too little to judge.
     """
     shifts = _shifts(before, view, mount)
-    points = view.free_m * _directions(view.geometry)
+    points = view.free_m * directions(view.geometry)
     beam_rad = abs(view.geometry.increment)
 
     def fits(shift: Shift) -> "_Fit":
@@ -275,22 +277,22 @@ def _shifts(before: View, view: View, mount: Mount) -> dict[Explanation, Shift]:
     """Return the lidar's motion between two views under each explanation."""
     way = between(before.pose, view.pose)
     to, turn_rad = complex(way.x_m, way.y_m), way.yaw_rad
-    configured = _shift(to, turn_rad, mount)
+    configured = shift_of(to, turn_rad, mount)
     mirrored = Shift(configured.to.conjugate(), -turn_rad)
     return {
         Explanation.CONFIGURED: configured,
         Explanation.TURNED: Shift(-configured.to, turn_rad),
-        Explanation.BACKWARDS: _shift(-to, turn_rad, mount),
+        Explanation.BACKWARDS: shift_of(-to, turn_rad, mount),
         Explanation.MIRRORED: mirrored,
-        Explanation.TURNS_BACK: _shift(to.conjugate(), -turn_rad, mount),
+        Explanation.TURNS_BACK: shift_of(to.conjugate(), -turn_rad, mount),
         Explanation.LEFT: Shift(configured.to * -1j, turn_rad),
         Explanation.RIGHT: Shift(configured.to * 1j, turn_rad),
         Explanation.MIRRORED_TURNED: Shift(-mirrored.to, -turn_rad),
-        Explanation.BOTH_SIGNS: _shift(-to.conjugate(), -turn_rad, mount),
+        Explanation.BOTH_SIGNS: shift_of(-to.conjugate(), -turn_rad, mount),
     }
 
 
-def _shift(to: complex, turn_rad: float, mount: Mount) -> Shift:
+def shift_of(to: complex, turn_rad: float, mount: Mount) -> Shift:
     """Return the motion of a lidar, in its own frame, from that of the base."""
     at = complex(mount.x_m, mount.y_m)
     turned = (cmath.rect(1.0, turn_rad) - 1.0) * at
@@ -307,27 +309,40 @@ def _fit(before: View, view: View, points: Complex, shift: Shift) -> _Fit:
         shift: the pose of this frame in that of the earlier view.
     """
     there = shift.to + cmath.rect(1.0, shift.turn_rad) * points
-    _, angle_min, increment = before.geometry
-    turn = math.copysign(2 * math.pi, increment)
-    beam = ((np.angle(there) - angle_min) % turn) / increment
-    low = np.floor(beam).astype(np.int64)
-    old_m = np.where(before.hit, before.free_m, math.nan)
-    if is_full_turn(before.geometry):
-        one_m, other_m = old_m.take(low, mode="wrap"), old_m.take(low + 1, mode="wrap")
-    else:
-        old_m = np.append(old_m, math.nan)
-        one_m, other_m = old_m.take(low, mode="clip"), old_m.take(low + 1, mode="clip")
+    low = np.floor(beams_at(before.geometry, there)).astype(np.int64)
+    one_m, other_m = ranges_at(before, np.add.outer((0, 1), low))
     there_m = np.abs(there)
     error_m = np.maximum(np.minimum(one_m, other_m) - there_m, there_m - np.maximum(one_m, other_m))
-    tolerance_m = TOLERANCE_M + TOLERANCE_SHARE * there_m
+    tolerance_m = tolerances_m(there_m)
     agrees = view.hit & (error_m <= tolerance_m)
     known = np.count_nonzero(view.hit & ~np.isnan(error_m))
     share = np.count_nonzero(agrees) / max(known, 1)
     return _Fit(agrees, view.hit & (error_m > 2.0 * tolerance_m), share)
 
 
+def beams_at(geometry: Geometry, points: Complex) -> Floats:
+    """Return the beams (n,) that look at points of the lidar's frame, with the fraction between two beams."""
+    turn = math.copysign(2 * math.pi, geometry.increment)
+    beams: Floats = ((np.angle(points) - geometry.angle_min) % turn) / geometry.increment
+    return beams
+
+
+def tolerances_m(ranges_m: Floats) -> Floats:
+    """Return by how much a return at each range (n,) may differ from an old one and still agree with it [m]."""
+    return TOLERANCE_M + TOLERANCE_SHARE * ranges_m
+
+
+def ranges_at(view: View, beams: npt.NDArray[np.int64]) -> Floats:
+    """Return the ranges [m] of beams of a view, in any shape; NaN without a return, and beyond the ends of a view."""
+    ranges_m = np.append(np.where(view.hit, view.free_m, math.nan), math.nan)
+    number = len(view.hit)
+    if is_full_turn(view.geometry):
+        return ranges_m.take(beams % number)
+    return ranges_m.take(np.where((beams >= 0) & (beams < number), beams, number))
+
+
 @lru_cache(maxsize=16)
-def _directions(geometry: Geometry) -> Complex:
+def directions(geometry: Geometry) -> Complex:
     """Return the unit vector (n,) of each beam in the lidar's frame."""
     directions: Complex = np.exp(1j * (geometry.angle_min + geometry.increment * np.arange(geometry.beams)))
     return directions

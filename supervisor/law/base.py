@@ -15,6 +15,7 @@ from supervisor.law.base_braking import (
     bound_dead_s,
     bound_m_s2,
     measure,
+    slipped,
 )
 from supervisor.law.base_motion import FOLLOWING, PATIENCE_S, Following, follow, moves
 from supervisor.law.base_rolling import Rest, watch
@@ -66,8 +67,17 @@ def suspended(base: Base, suspended_s: float) -> Base:
     return base._replace(odometry=odometry)
 
 
-def brake(base: Base, config: LawConfig, odometry: Odometry | None) -> tuple[Base, LawConfig]:
-    """Measure how the base brakes; what it shows replaces better configured numbers everywhere in the law."""
+def brake(
+    base: Base, config: LawConfig, odometry: Odometry | None, slip_m: float | None = None
+) -> tuple[Base, LawConfig]:
+    """Measure how the base brakes; what it shows replaces better configured numbers everywhere in the law.
+
+    Args:
+        base: the state after the last step.
+        config: the configuration of the law.
+        odometry: the newest sample; None if none has arrived since the last step.
+        slip_m: by how much the present stop is longer than odometry shows; NaN if the scans do not show it, None if not known yet.
+    """
     if odometry is None or not config.odometry or moves(odometry.velocity, config.believable):
         return base, config
     braking = measure(
@@ -78,7 +88,15 @@ def brake(base: Base, config: LawConfig, odometry: Odometry | None) -> tuple[Bas
         stopped_s=base.stopped_s,
         standing_m_s=config.residual.linear_m_s,
     )
+    if slip_m is not None:
+        braking = slipped(braking, slip_m)
     return base._replace(braking=braking), shown_by(braking, config)
+
+
+def measured_stop_s(base: Base) -> float | None:
+    """Return since when zero has been commanded, if the scans may still show how long this stop is; else None."""
+    is_measured = base.braking.stopping or base.braking.ended is not None
+    return base.stopped_s if is_measured else None
 
 
 def shown_by(braking: Braking, config: LawConfig) -> LawConfig:
@@ -89,11 +107,21 @@ def shown_by(braking: Braking, config: LawConfig) -> LawConfig:
     return replace(config, shown_m_s2=shown_m_s2, shown_dead_s=shown_dead_s)
 
 
-def weakness(config: LawConfig) -> str:
-    """Return what the base has shown to do worse than configured, as part of a sentence; empty if nothing."""
+def weakness(config: LawConfig, shown_slip_m: tuple[float, ...] = ()) -> str:
+    """Return what the base has shown to do worse than configured, as part of a sentence; empty if nothing.
+
+    Args:
+        config: the configuration of the law, with what the base has shown.
+        shown_slip_m: by how much its last stops were longer than odometry shows.
+    """
     worse: list[str] = []
     if config.shown_m_s2 < WEAK_SHARE * config.deceleration_m_s2:
         worse.append(f"brakes with {config.shown_m_s2:.2f} m/s² instead of {config.deceleration_m_s2:.2f}")
+        slips = sum(slip_m > 0.0 for slip_m in shown_slip_m)
+        if slips:
+            worse.append(
+                f"slid up to {max(shown_slip_m):.2f} m farther than odometry shows in {slips} of {len(shown_slip_m)} stops"
+            )
     if config.shown_dead_s > config.base_dead_time_s + LATE_S:
         worse.append(f"slows down after {config.shown_dead_s:.2f} s instead of {config.base_dead_time_s:.2f}")
     return f"the base {', and '.join(worse)}" if worse else ""

@@ -29,7 +29,10 @@ samples of the same stop. A line has half the noise of a. D contains the latency
 * A dead time that half a gap between two samples, a tick and transport explain counts as zero.
 * The second largest of the last `KEPT` results counts, and a single one as it is.
 
-Odometry does not show the slip of the wheels, and a wrong scale of odometry changes a by the same factor.
+Odometry does not show the slip of the wheels, and a wrong scale of odometry changes a by the same factor. Where the scans show how
+much farther the robot moved (slip.py), this distance s replaces the result of the stop:
+
+    a = v² / 2(x - v·D + s)
 """
 
 import math
@@ -99,6 +102,17 @@ class Line(NamedTuple):
 NO_LINE = Line()
 
 
+class Ended(NamedTuple):
+    """A stop that has ended, as odometry shows it."""
+
+    speed_m_s: float
+    """Mean speed before it."""
+    braked_m: float
+    """Distance since zero was commanded, without that of the dead time."""
+    is_measured: bool
+    """Whether it has shown a deceleration."""
+
+
 class Braking(NamedTuple):
     """The stop that is being measured, and the results of the last stops."""
 
@@ -126,6 +140,10 @@ class Braking(NamedTuple):
     """The samples since the base has visibly slowed down."""
     shown_dead_s: tuple[float, ...] = ()
     """Dead times of the last stops, the oldest first."""
+    ended: Ended | None = None
+    """The last stop until the scans have shown whether the wheels slipped, or the next command; None if nothing waits for it."""
+    shown_slip_m: tuple[float, ...] = ()
+    """By how much the last stops were longer than odometry shows, the oldest first; zero without slip."""
 
 
 UNMEASURED = Braking()
@@ -164,6 +182,7 @@ def measure(
             last_s=at_s,
             shown_m_s2=braking.shown_m_s2,
             shown_dead_s=braking.shown_dead_s,
+            shown_slip_m=braking.shown_slip_m,
         )
     braking = braking._replace(last_m_s=speed_m_s, last_s=at_s)
     if not braking.stopping or gap_s > LONGEST_GAP_S:
@@ -207,15 +226,39 @@ def bound_dead_s(braking: Braking) -> float:
 def _finish(braking: Braking, last_m_s: float) -> Braking:
     """Add the results of a stop that has ended; one without a distance between two samples shows no deceleration."""
     ended = braking._replace(mean_m_s=0.0, stopping=False)
+    dead_s = 0.0
     if braking.reached and (brakes_m_s2 := braking.line.brakes_m_s2()) > 0.0:
         dead_s = _dead_s(braking, last_m_s, brakes_m_s2)
         ended = ended._replace(shown_dead_s=(*braking.shown_dead_s, dead_s)[-KEPT:])
+    stop = Ended(braking.mean_m_s, max(0.0, braking.whole_m - braking.mean_m_s * dead_s), is_measured=False)
+    ended = ended._replace(ended=stop)
     if braking.way_m <= 0.0:
         return ended
     shown_m_s2 = (braking.first_m_s**2 - last_m_s**2) / (2.0 * braking.way_m)
     if not 0.0 < shown_m_s2 <= GREATEST_M_S2:
         return ended
-    return ended._replace(shown_m_s2=(*braking.shown_m_s2, max(LEAST_M_S2, shown_m_s2))[-KEPT:])
+    return ended._replace(
+        shown_m_s2=(*braking.shown_m_s2, max(LEAST_M_S2, shown_m_s2))[-KEPT:],
+        ended=stop._replace(is_measured=True),
+    )
+
+
+def slipped(braking: Braking, slip_m: float) -> Braking:
+    """Return the results with what the scans show of the stop that has ended.
+
+    Args:
+        braking: the results with this stop.
+        slip_m: by how much it was longer than odometry shows; NaN if the scans do not show it.
+    """
+    stop, braking = braking.ended, braking._replace(ended=None)
+    if stop is None or math.isnan(slip_m):
+        return braking
+    braking = braking._replace(shown_slip_m=(*braking.shown_slip_m, slip_m)[-KEPT:])
+    if slip_m == 0.0:
+        return braking
+    shown_m_s2 = stop.speed_m_s**2 / (2.0 * (stop.braked_m + slip_m))
+    others = braking.shown_m_s2[:-1] if stop.is_measured else braking.shown_m_s2
+    return braking._replace(shown_m_s2=(*others, max(LEAST_M_S2, shown_m_s2))[-KEPT:])
 
 
 def _dead_s(braking: Braking, last_m_s: float, brakes_m_s2: float) -> float:

@@ -70,7 +70,7 @@ def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
     """
     state, inputs = _resume(state, now_s, inputs)
     config, interlock, base, sight, clock = state
-    base, config = bases.brake(base, config, inputs.odometry)
+    base, config = bases.brake(base, config, inputs.odometry, sights.slip_m(sight, base))
     base = bases.observe(base, config, now_s, clock.now_s, inputs)
     for place in inputs.undecodable_lidars:
         sight = sights.spoil(sight, place)
@@ -264,7 +264,7 @@ def _explain(
             writers=_conflicts(state, now_s) if StopReason.SENSOR_CONFLICT in causes else (),
             mismatch=sights.mismatches(sight, config),
             stations=detail_of_stations(interlock.stations),
-            weakness=bases.weakness(config),
+            weakness=bases.weakness(config, base.braking.shown_slip_m),
             open_m_s=config.open_m_s,
         ),
         stations=interlock.stations.stations,

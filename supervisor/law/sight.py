@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from supervisor.law.agreement import Agreement, agree, repeat
-from supervisor.law.base import Base
+from supervisor.law.base import Base, measured_stop_s
+from supervisor.law.base_motion import moves
 from supervisor.law.clearance import NO_POINTS, Block, Floats, Kind, moved, nothing_around, survey
 from supervisor.law.model import Counts, LawConfig
 from supervisor.law.near_memory import Remembered, remember
@@ -21,6 +22,7 @@ from supervisor.law.reach import Place
 from supervisor.law.reckoning import Odometer, Pose, back_then, between, displacement
 from supervisor.law.scan import LaserScan, Lidar, Moment, ScanReading, View, read_scan
 from supervisor.law.seen_space import Evidence, hidden_places, lookout
+from supervisor.law.slip import NO_SLIDE, Slide, watch
 from supervisor.law.writers import Sensor, Writer, heard
 from wire.freshness import FALL_TOLERANCE_S, Track, Verdict, judge
 from wire.reasons import StopReason
@@ -52,6 +54,8 @@ class LidarState(NamedTuple):
     """(n, 2) [m]: near points of the scans before the newest, in the newest scan's base frame; it may show them again."""
     agreement: Agreement = Agreement()
     """Whether its scans agree with the motion of the robot."""
+    slide: Slide = NO_SLIDE
+    """How much farther than odometry shows the robot moves during the present stop."""
 
 
 class Sight(NamedTuple):
@@ -139,7 +143,16 @@ def see(sight: Sight, config: LawConfig, scan: LaserScan, base: Base) -> Sight:
         return _with(sight, place, state._replace(scan=reading))._replace(memory=memory)
     assert reading.view is not None  # a reading without a problem has one
     if base.odometry is not None:  # nothing is concluded from commands, which the base may not have followed
-        state = state._replace(agreement=agree(state.agreement, reading.view, lidar.mount))
+        slide = watch(
+            state.slide,
+            None if before is None else before.view,
+            reading.view,
+            lidar.mount,
+            stopped_s=measured_stop_s(base),
+            speed_m_s=base.braking.mean_m_s,
+            stands=not moves(base.odometer.velocity, config.residual),
+        )
+        state = state._replace(agreement=agree(state.agreement, reading.view, lidar.mount), slide=slide)
     memory, earlier = _remember(sight, config, memory, reading.view, lidar)
     return _with(sight, place, state._replace(scan=reading, earlier=earlier))._replace(
         memory=memory,
@@ -289,6 +302,20 @@ def causes(sight: Sight, config: LawConfig, now_s: float, scans: Usable) -> Iter
 def mounts_confirmed(sight: Sight) -> bool:
     """Return whether motion has confirmed the mounting of every lidar."""
     return not any(lidar.agreement.not_ruled_out for lidar in sight.lidars)
+
+
+def slip_m(sight: Sight, base: Base) -> float | None:
+    """Return by how much the present stop is longer than odometry shows [m]; NaN if no lidar shows it.
+
+    Returns None until every lidar has concluded. The least counts: something else moves where two lidars do not agree.
+    """
+    if base.braking.ended is None:
+        return None
+    slips = [s.slide.slip_m for s in sight.lidars if s.slide.stopped_s == base.stopped_s]
+    known = [slip_m for slip_m in slips if slip_m is not None]
+    if len(known) < len(sight.lidars):
+        return None
+    return min((slip_m for slip_m in known if not math.isnan(slip_m)), default=math.nan)
 
 
 def is_assumed(scans: Usable) -> bool:

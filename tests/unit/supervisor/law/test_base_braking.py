@@ -20,8 +20,10 @@ from supervisor.law.base_braking import (
     SAMPLING_S,
     UNMEASURED,
     Braking,
+    Ended,
     bound_dead_s,
     bound_m_s2,
+    slipped,
 )
 
 STANDING_M_S = 0.05
@@ -447,3 +449,69 @@ def test_a_line_through_samples_has_their_deceleration(deceleration_m_s2: float)
             assert line.brakes_m_s2() == math.inf
         else:
             assert line.brakes_m_s2() == pytest.approx(deceleration_m_s2)
+
+
+# --- slip
+
+
+def test_a_stop_that_has_ended_waits_for_the_scans_until_the_next_command() -> None:
+    braking = stop(deceleration_m_s2=2.0, dead_s=0.2)
+    assert braking.ended is not None
+    assert braking.ended.speed_m_s == pytest.approx(1.0)
+    assert braking.ended.braked_m == pytest.approx(0.25, abs=0.005)
+    assert braking.ended.is_measured
+    assert measure(braking, 0.0, braking.last_s + 0.02, is_driven=False).ended is braking.ended
+    assert measure(braking, 0.0, braking.last_s + 0.02, is_driven=True).ended is None
+
+
+def test_wheels_that_lock_show_no_deceleration_but_a_stop() -> None:
+    at_once = samples(driven(1.0), [0.0])
+    assert at_once.ended == Ended(1.0, 0.0, is_measured=False)
+    too_hard = samples(driven(1.0), [0.5, 0.4, 0.0], gap_s=0.001)
+    assert too_hard.shown_m_s2 == ()
+    assert too_hard.ended is not None
+    assert not too_hard.ended.is_measured
+    assert too_hard.ended.braked_m > 0.0
+
+
+def test_a_dead_time_longer_than_the_stop_leaves_no_braking_distance() -> None:
+    braking = samples(driven(1.0), [0.8, 0.6, 0.4, 0.2, 0.0])._replace(ended=None)
+    assert braking.shown_dead_s == (0.0,)
+    ended = stop(deceleration_m_s2=8.0, dead_s=0.4).ended
+    assert ended is not None
+    assert 0.0 <= ended.braked_m < 0.08
+
+
+def test_slip_replaces_what_odometry_has_shown_of_this_stop() -> None:
+    braking = stop(stop(deceleration_m_s2=1.6), deceleration_m_s2=2.0)
+    after = slipped(braking, 0.25)
+    assert after.shown_m_s2 == pytest.approx((1.6, 1.0), rel=0.01)
+    assert (after.shown_slip_m, after.ended) == ((0.25,), None)
+    assert slipped(after, 0.25) == after
+
+
+def test_slip_is_a_result_of_wheels_that_locked() -> None:
+    braking = Braking(shown_m_s2=(1.6,), ended=Ended(1.0, 0.0, is_measured=False))
+    assert slipped(braking, 0.5).shown_m_s2 == (1.6, 1.0)
+    faster = braking._replace(ended=Ended(2.0, 0.5, is_measured=False))
+    assert slipped(faster, 0.5).shown_m_s2 == (1.6, 2.0)
+    assert slipped(braking, 50.0).shown_m_s2 == (1.6, LEAST_M_S2)
+
+
+def test_a_stop_without_slip_keeps_its_deceleration() -> None:
+    braking = Braking(shown_m_s2=(1.6,), ended=Ended(1.0, 0.25, is_measured=True), shown_slip_m=(0.5,))
+    assert slipped(braking, 0.0) == Braking(shown_m_s2=(1.6,), shown_slip_m=(0.5, 0.0))
+    assert slipped(braking, math.nan) == Braking(shown_m_s2=(1.6,), shown_slip_m=(0.5,))
+
+
+def test_only_the_last_slips_are_kept() -> None:
+    full = tuple(float(number) for number in range(KEPT))
+    for is_measured in (True, False):
+        braking = Braking(shown_m_s2=full, ended=Ended(1.0, 0.0, is_measured=is_measured), shown_slip_m=full)
+        after = slipped(braking, 0.25)
+        assert after.shown_slip_m == (*full[1:], 0.25)
+        assert after.shown_m_s2 == ((*full[:-1], 2.0) if is_measured else (*full[1:], 2.0))
+
+
+def test_the_slip_of_earlier_stops_is_kept_while_the_base_drives() -> None:
+    assert measure(Braking(shown_slip_m=(0.25,)), 1.0, 1.0, is_driven=True).shown_slip_m == (0.25,)

@@ -608,6 +608,15 @@ def test_a_weak_base_is_given_more_time_to_brake_and_looks_farther() -> None:
     assert law.now_s - began_s > CONFIG.max_linear_m_s / 0.51
 
 
+def test_repeated_slip_is_part_of_the_weakness() -> None:
+    weak = replace(CONFIG, shown_m_s2=0.75)
+    assert weakness(weak, (0.0,)) == "the base brakes with 0.75 m/s² instead of 1.50"
+    assert weakness(weak, (0.0, 0.5, 0.25)) == (
+        "the base brakes with 0.75 m/s² instead of 1.50, and slid up to 0.50 m farther than odometry shows in 2 of 3 stops"
+    )
+    assert weakness(CONFIG, (0.5,)) == ""
+
+
 def test_a_base_is_no_longer_weak_once_its_last_stops_are_good() -> None:
     law = Law(room_m=6.0)
     stops_with(law, 1.0)
