@@ -310,7 +310,7 @@ def _fit(before: View, view: View, points: Complex, shift: Shift) -> _Fit:
     """
     there = shift.to + cmath.rect(1.0, shift.turn_rad) * points
     low = np.floor(beams_at(before.geometry, there)).astype(np.int64)
-    one_m, other_m = ranges_at(before, np.add.outer((0, 1), low))
+    one_m, other_m = ranges_at(before.geometry, returns_m(before), np.add.outer((0, 1), low))
     there_m = np.abs(there)
     error_m = np.maximum(np.minimum(one_m, other_m) - there_m, there_m - np.maximum(one_m, other_m))
     tolerance_m = tolerances_m(there_m)
@@ -332,13 +332,23 @@ def tolerances_m(ranges_m: Floats) -> Floats:
     return TOLERANCE_M + TOLERANCE_SHARE * ranges_m
 
 
-def ranges_at(view: View, beams: npt.NDArray[np.int64]) -> Floats:
-    """Return the ranges [m] of beams of a view, in any shape; NaN without a return, and beyond the ends of a view."""
-    ranges_m = np.append(np.where(view.hit, view.free_m, math.nan), math.nan)
-    number = len(view.hit)
-    if is_full_turn(view.geometry):
+def returns_m(view: View) -> Floats:
+    """Return the range of each beam (n,) [m]; NaN without a return."""
+    return np.where(view.hit, view.free_m, math.nan)
+
+
+def ranges_at(geometry: Geometry, ranges_m: Floats, beams: npt.NDArray[np.int64]) -> Floats:
+    """Return the ranges [m] of the given beams, in any shape; NaN beyond the ends of a scan.
+
+    Args:
+        geometry: the n beams of the scan.
+        ranges_m: (n,) their ranges.
+        beams: the indices of the beams.
+    """
+    number = geometry.beams
+    if is_full_turn(geometry):
         return ranges_m.take(beams % number)
-    return ranges_m.take(np.where((beams >= 0) & (beams < number), beams, number))
+    return np.append(ranges_m, math.nan).take(np.where((beams >= 0) & (beams < number), beams, number))
 
 
 @lru_cache(maxsize=16)

@@ -12,6 +12,7 @@ from supervisor.law.base_braking import (
     UNMEASURED,
     WEAK_SHARE,
     Braking,
+    Stop,
     bound_dead_s,
     bound_m_s2,
     measure,
@@ -68,7 +69,7 @@ def suspended(base: Base, suspended_s: float) -> Base:
 
 
 def brake(
-    base: Base, config: LawConfig, odometry: Odometry | None, slip_m: float | None = None
+    base: Base, config: LawConfig, odometry: Odometry | None, slip_m: float | None
 ) -> tuple[Base, LawConfig]:
     """Measure how the base brakes; what it shows replaces better configured numbers everywhere in the law.
 
@@ -93,10 +94,14 @@ def brake(
     return base._replace(braking=braking), shown_by(braking, config)
 
 
-def measured_stop_s(base: Base) -> float | None:
-    """Return since when zero has been commanded, if the scans may still show how long this stop is; else None."""
-    is_measured = base.braking.stopping or base.braking.ended is not None
-    return base.stopped_s if is_measured else None
+def measured_stop(base: Base) -> Stop | None:
+    """Return the present stop if the scans may still show how long it is; else None."""
+    braking = base.braking
+    if base.stopped_s is None:
+        return None
+    if braking.ended is not None:
+        return Stop(base.stopped_s, braking.ended.speed_m_s)
+    return Stop(base.stopped_s, braking.mean_m_s) if braking.stopping else None
 
 
 def shown_by(braking: Braking, config: LawConfig) -> LawConfig:
@@ -107,7 +112,7 @@ def shown_by(braking: Braking, config: LawConfig) -> LawConfig:
     return replace(config, shown_m_s2=shown_m_s2, shown_dead_s=shown_dead_s)
 
 
-def weakness(config: LawConfig, shown_slip_m: tuple[float, ...] = ()) -> str:
+def weakness(config: LawConfig, shown_slip_m: tuple[float, ...]) -> str:
     """Return what the base has shown to do worse than configured, as part of a sentence; empty if nothing.
 
     Args:

@@ -102,6 +102,15 @@ class Line(NamedTuple):
 NO_LINE = Line()
 
 
+class Stop(NamedTuple):
+    """A stop that is measured."""
+
+    began_s: float
+    """Since when zero has been commanded."""
+    speed_m_s: float
+    """Mean speed before it."""
+
+
 class Ended(NamedTuple):
     """A stop that has ended, as odometry shows it."""
 

@@ -179,7 +179,7 @@ def _decide(
             if permitted < scale:
                 scale, limit = permitted, reduces
         output = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
-    if not reasons and limit is None and bases.weakness(config):
+    if not reasons and limit is None and bases.weakness(config, base.braking.shown_slip_m):
         limit = Limit.BASE_WEAK
     base = bases.commanded(base, output, now_s)
     state = State(config, interlock, base, sight, state.clock._replace(now_s=now_s))

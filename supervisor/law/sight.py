@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from supervisor.law.agreement import Agreement, agree, repeat
-from supervisor.law.base import Base, measured_stop_s
+from supervisor.law.base import Base, measured_stop
 from supervisor.law.base_motion import moves
 from supervisor.law.clearance import NO_POINTS, Block, Floats, Kind, moved, nothing_around, survey
 from supervisor.law.model import Counts, LawConfig
@@ -22,7 +22,7 @@ from supervisor.law.reach import Place
 from supervisor.law.reckoning import Odometer, Pose, back_then, between, displacement
 from supervisor.law.scan import LaserScan, Lidar, Moment, ScanReading, View, read_scan
 from supervisor.law.seen_space import Evidence, hidden_places, lookout
-from supervisor.law.slip import NO_SLIDE, Slide, watch
+from supervisor.law.slip import NO_MEASUREMENT, SlipMeasurement, measure_slip
 from supervisor.law.writers import Sensor, Writer, heard
 from wire.freshness import FALL_TOLERANCE_S, Track, Verdict, judge
 from wire.reasons import StopReason
@@ -54,7 +54,7 @@ class LidarState(NamedTuple):
     """(n, 2) [m]: near points of the scans before the newest, in the newest scan's base frame; it may show them again."""
     agreement: Agreement = Agreement()
     """Whether its scans agree with the motion of the robot."""
-    slide: Slide = NO_SLIDE
+    slip: SlipMeasurement = NO_MEASUREMENT
     """How much farther than odometry shows the robot moves during the present stop."""
 
 
@@ -143,16 +143,15 @@ def see(sight: Sight, config: LawConfig, scan: LaserScan, base: Base) -> Sight:
         return _with(sight, place, state._replace(scan=reading))._replace(memory=memory)
     assert reading.view is not None  # a reading without a problem has one
     if base.odometry is not None:  # nothing is concluded from commands, which the base may not have followed
-        slide = watch(
-            state.slide,
+        slip = measure_slip(
+            state.slip,
             None if before is None else before.view,
             reading.view,
             lidar.mount,
-            stopped_s=measured_stop_s(base),
-            speed_m_s=base.braking.mean_m_s,
+            measured_stop(base),
             stands=not moves(base.odometer.velocity, config.residual),
         )
-        state = state._replace(agreement=agree(state.agreement, reading.view, lidar.mount), slide=slide)
+        state = state._replace(agreement=agree(state.agreement, reading.view, lidar.mount), slip=slip)
     memory, earlier = _remember(sight, config, memory, reading.view, lidar)
     return _with(sight, place, state._replace(scan=reading, earlier=earlier))._replace(
         memory=memory,
@@ -311,7 +310,7 @@ def slip_m(sight: Sight, base: Base) -> float | None:
     """
     if base.braking.ended is None:
         return None
-    slips = [s.slide.slip_m for s in sight.lidars if s.slide.stopped_s == base.stopped_s]
+    slips = [lidar.slip.slip_m for lidar in sight.lidars if lidar.slip.stopped_s == base.stopped_s]
     known = [slip_m for slip_m in slips if slip_m is not None]
     if len(known) < len(sight.lidars):
         return None

@@ -498,9 +498,9 @@ def test_the_error_of_a_measured_dead_time_counts_and_is_not_reported(
 
 
 def test_a_base_at_the_edge_of_the_error_is_not_weak() -> None:
-    assert weakness(replace(CONFIG, shown_m_s2=WEAK_SHARE * CONFIG.deceleration_m_s2)) == ""
-    assert weakness(replace(CONFIG, shown_dead_s=0.04)) == ""
-    assert weakness(replace(CONFIG, shown_dead_s=math.nextafter(0.04, 1.0)))
+    assert weakness(replace(CONFIG, shown_m_s2=WEAK_SHARE * CONFIG.deceleration_m_s2), ()) == ""
+    assert weakness(replace(CONFIG, shown_dead_s=0.04), ()) == ""
+    assert weakness(replace(CONFIG, shown_dead_s=math.nextafter(0.04, 1.0)), ())
 
 
 def test_a_weak_base_does_not_hide_that_the_next_command_is_late() -> None:
@@ -532,14 +532,14 @@ def test_a_base_that_has_not_reached_its_command_shows_no_dead_time(
 def test_a_base_that_reacts_as_configured_or_sooner_is_not_late() -> None:
     config = replace(CONFIG, base_dead_time_s=0.2, shown_dead_s=0.1)
     assert config.dead_time_s == 0.2
-    assert weakness(config) == ""
+    assert weakness(config, ()) == ""
 
 
 def test_a_late_base_is_named_with_both_numbers() -> None:
     late = replace(CONFIG, base_dead_time_s=0.05, shown_dead_s=0.15)
-    assert weakness(late) == "the base slows down after 0.15 s instead of 0.05"
+    assert weakness(late, ()) == "the base slows down after 0.15 s instead of 0.05"
     both = replace(late, shown_m_s2=1.0)
-    assert weakness(both) == (
+    assert weakness(both, ()) == (
         "the base brakes with 1.00 m/s² instead of 1.50, and slows down after 0.15 s instead of 0.05"
     )
 

@@ -7,29 +7,34 @@ import pytest
 
 from supervisor.law import sight as sights
 from supervisor.law import slip
-from supervisor.law.agreement import ranges_at, tolerances_m
-from supervisor.law.base import Base, measured_stop_s
-from supervisor.law.base_braking import Braking, Ended
+from supervisor.law.agreement import ranges_at, returns_m, tolerances_m
+from supervisor.law.base import Base, measured_stop
+from supervisor.law.base_braking import Braking, Ended, Stop
 from supervisor.law.reckoning import Pose
 from supervisor.law.scan import Geometry, Mount, View
 from supervisor.law.sight import LidarState, Sight
 from supervisor.law.slip import (
-    ERRORS,
-    LEAST_M,
+    LEAST_SLIP_M,
     LEAST_SURFACE_M,
     MOST_S,
-    NO_SLIDE,
+    MOST_TURN_RAD,
+    NO_MEASUREMENT,
     REST_S,
     SAME_M,
-    STRAIGHT_RAD,
-    Slide,
-    beyond,
-    watch,
+    STANDARD_ERRORS,
+    ReferenceScan,
+    SlipMeasurement,
+    measure_slip,
+    slip_between,
 )
 from tests.unit.supervisor.law.test_agreement import AT_A_CORNER, HERE, START, after, look
 from tests.unit.supervisor.law.views import BEAM_RAD, GEOMETRY, view_of
 
-# --- two views
+# --- two scans
+
+
+def shown(before: View, view: View, mount: Mount = HERE) -> tuple[float, float]:
+    return slip_between(ReferenceScan.of(before), view, mount)
 
 
 @pytest.mark.parametrize("mount", [HERE, AT_A_CORNER, Mount(-0.2, 0.1, 2.5)])
@@ -40,7 +45,7 @@ def test_two_scans_show_how_much_farther_than_odometry_the_robot_moved(
 ) -> None:
     true = after(START, way_m + math.copysign(1.0, way_m) * slip_m, 0.0, 0.0)
     view = look(true, mount, odometer=after(START, way_m, 0.0, 0.0))
-    shown_m, error_m = beyond(look(START, mount), view, mount)
+    shown_m, error_m = shown(look(START, mount), view, mount)
     assert shown_m == pytest.approx(slip_m, abs=0.015)
     assert 0.0 <= error_m < 0.005
 
@@ -50,12 +55,12 @@ def test_the_standard_error_covers_noise() -> None:
     for seed in range(30):
         noise = 0.03 * np.random.default_rng(seed).standard_normal((2, 360))
         there, odometer = after(START, 0.5, 0.0, 0.0), after(START, 0.3, 0.0, 0.0)
-        shown_m, error_m = beyond(
+        shown_m, error_m = shown(
             look(START, noise=noise[0]), look(there, noise=noise[1], odometer=odometer), HERE
         )
         errors.append((shown_m - 0.2) / error_m)
         assert 0.002 < error_m < 0.02
-    assert max(map(abs, errors)) < ERRORS + 1.0
+    assert max(map(abs, errors)) < STANDARD_ERRORS + 1.0
     assert 0.5 < float(np.std(errors)) < 1.5
 
 
@@ -65,8 +70,8 @@ def test_a_clockwise_lidar_shows_the_same() -> None:
         return view._replace(geometry=geometry, free_m=view.free_m[::-1], hit=view.hit[::-1])
 
     before, view = look(START), look(after(START, 0.4, 0.0, 0.0), odometer=after(START, 0.3, 0.0, 0.0))
-    assert beyond(clockwise(before), clockwise(view), HERE) == pytest.approx(
-        beyond(before, view, HERE), abs=2e-3
+    assert shown(clockwise(before), clockwise(view), HERE) == pytest.approx(
+        shown(before, view, HERE), abs=2e-3
     )
 
 
@@ -81,9 +86,9 @@ def in_front(distances_m: np.ndarray, *, moved_m: float = 0.0, turned_rad: float
 
 def test_a_turn_is_not_judged() -> None:
     wall = np.full(90, 2.0)
-    for turned_rad, is_judged in ((STRAIGHT_RAD, True), (math.nextafter(STRAIGHT_RAD, 1.0), False)):
+    for turned_rad, is_judged in ((MOST_TURN_RAD, True), (math.nextafter(MOST_TURN_RAD, 1.0), False)):
         for sign in (1.0, -1.0):
-            shown_m, error_m = beyond(in_front(wall), in_front(wall, turned_rad=sign * turned_rad), HERE)
+            shown_m, error_m = shown(in_front(wall), in_front(wall, turned_rad=sign * turned_rad), HERE)
             assert math.isnan(shown_m) is not is_judged
             assert math.isnan(error_m) is not is_judged
 
@@ -95,7 +100,7 @@ def test_a_surface_no_wider_than_three_people_is_not_judged() -> None:
         angles = BEAM_RAD * (np.arange(3, beams - 3) - beams // 2)
         surface_m = BEAM_RAD * float((2.0 / np.cos(angles)).sum())
         wall = np.full(beams, 2.0)
-        shown_m, _ = beyond(in_front(wall), in_front(wall, moved_m=0.02), HERE)
+        shown_m, _ = shown(in_front(wall), in_front(wall, moved_m=0.02), HERE)
         if abs(surface_m - LEAST_SURFACE_M) > 0.1:
             judged.append(not math.isnan(shown_m))
             assert judged[-1] is (surface_m > LEAST_SURFACE_M)
@@ -108,7 +113,7 @@ def test_most_of_the_surface_must_agree(moving: float, slip_m: float, *, is_judg
     """A part comes 0.5 m nearer than the robot's motion explains."""
     before, now = np.full(120, 3.0), np.full(120, 3.0)
     now[: round(moving * 120)] -= 0.5
-    shown_m, _ = beyond(in_front(before), in_front(now, moved_m=slip_m), HERE)
+    shown_m, _ = shown(in_front(before), in_front(now, moved_m=slip_m), HERE)
     assert shown_m == pytest.approx(slip_m if is_judged else math.nan, abs=0.02, nan_ok=True)
 
 
@@ -116,20 +121,20 @@ def test_a_wall_counts_more_than_people_who_are_near() -> None:
     """They cover more beams than the wall, but less of its length."""
     before, now = np.full(90, 6.0), np.full(90, 6.0)
     before[20:65], now[20:65] = 1.2, 0.8
-    assert beyond(in_front(before), in_front(now), HERE)[0] == pytest.approx(0.0, abs=0.01)
+    assert shown(in_front(before), in_front(now))[0] == pytest.approx(0.0, abs=0.01)
 
 
 def test_walls_along_the_travel_show_nothing() -> None:
     angles = BEAM_RAD * (np.arange(360) - 180)
     sides = 1.2 / np.abs(np.sin(angles) + 1e-12)
     corridor = view_of(np.where(sides < 12.0, sides, math.inf))
-    assert math.isnan(beyond(corridor, corridor, HERE)[0])
+    assert math.isnan(shown(corridor, corridor)[0])
 
 
 def test_a_view_without_returns_shows_nothing() -> None:
     nothing = view_of(np.full(360, math.inf))
-    assert math.isnan(beyond(nothing, look(START), HERE)[0])
-    assert math.isnan(beyond(look(START), nothing, HERE)[0])
+    assert math.isnan(shown(nothing, look(START))[0])
+    assert math.isnan(shown(look(START), nothing)[0])
 
 
 def test_the_ends_of_a_view_have_no_neighbour_and_a_full_turn_has_no_end() -> None:
@@ -137,9 +142,13 @@ def test_the_ends_of_a_view_have_no_neighbour_and_a_full_turn_has_no_end() -> No
     ranges[3] = math.inf
     beams = np.array([-1, 0, 3, 7, 8])
     turn = view_of(ranges, Geometry(8, 0.0, math.pi / 4))
-    assert ranges_at(turn, beams) == pytest.approx([8.0, 1.0, math.nan, 8.0, 1.0], nan_ok=True)
+    assert ranges_at(turn.geometry, returns_m(turn), beams) == pytest.approx(
+        [8.0, 1.0, math.nan, 8.0, 1.0], nan_ok=True
+    )
     half = view_of(ranges, Geometry(8, 0.0, math.pi / 8))
-    assert ranges_at(half, beams) == pytest.approx([math.nan, 1.0, math.nan, 8.0, math.nan], nan_ok=True)
+    assert ranges_at(half.geometry, returns_m(half), beams) == pytest.approx(
+        [math.nan, 1.0, math.nan, 8.0, math.nan], nan_ok=True
+    )
 
 
 def test_a_return_agrees_within_three_times_the_noise_and_a_share_of_its_range() -> None:
@@ -157,57 +166,61 @@ def watched(
     monkeypatch: pytest.MonkeyPatch,
     *,
     speed_m_s: float = 0.0,
-    slide: Slide = NO_SLIDE,
-) -> Slide:
+    measurement: SlipMeasurement = NO_MEASUREMENT,
+) -> SlipMeasurement:
     """Process views of a stop that began at 0 s, the view before it at -0.25 s: pairs of time, slip and error."""
     results: dict[float, tuple[float, float]] = {}
 
-    def result(before: View, view: View, mount: Mount) -> tuple[float, float]:
-        assert before.taken_s <= -0.25, "the last view before the stop"
+    def result(reference: ReferenceScan, view: View, mount: Mount) -> tuple[float, float]:
+        assert reference.taken_s <= -0.25, "the last view before the stop"
         assert mount is HERE
         return results[view.taken_s]
 
-    monkeypatch.setattr(slip, "beyond", result)
+    monkeypatch.setattr(slip, "slip_between", result)
     before = VIEW._replace(taken_s=-0.25)
     for taken_s, slip_m, error_m in shown:
         results[taken_s] = slip_m, error_m
         view = VIEW._replace(taken_s=taken_s)
-        slide = watch(slide, before, view, HERE, stopped_s=0.0, speed_m_s=speed_m_s, stands=True)
+        measurement = measure_slip(measurement, before, view, HERE, Stop(0.0, speed_m_s), stands=True)
         before = view
-    return slide
+    return measurement
 
 
 def test_no_stop_is_watched_unless_it_is_measured_and_has_a_view_before() -> None:
-    slide = Slide(1.0, VIEW)
-    assert watch(slide, VIEW, VIEW, HERE, stopped_s=None, speed_m_s=1.0, stands=True) is NO_SLIDE
-    assert watch(slide, None, VIEW, HERE, stopped_s=2.0, speed_m_s=1.0, stands=True) is NO_SLIDE
+    measurement = SlipMeasurement(1.0, ReferenceScan.of(VIEW))
+    assert measure_slip(measurement, VIEW, VIEW, HERE, None, stands=True) is NO_MEASUREMENT
+    assert measure_slip(measurement, None, VIEW, HERE, Stop(2.0, 1.0), stands=True) is NO_MEASUREMENT
 
 
 def test_the_last_view_before_a_stop_is_kept_until_the_base_stands() -> None:
     now = VIEW._replace(taken_s=0.125)
-    slide = watch(NO_SLIDE, VIEW, now, HERE, stopped_s=0.0, speed_m_s=2.0, stands=False)
-    assert slide == Slide(0.0, VIEW, tolerance_m=0.25)
+    first = measure_slip(NO_MEASUREMENT, VIEW, now, HERE, Stop(0.0, 2.0), stands=False)
+    assert first.reference is not None
+    assert first == SlipMeasurement(0.0, first.reference, tolerance_m=0.25)
+    assert first.reference.taken_s == VIEW.taken_s
     later = now._replace(taken_s=1.0)
-    assert watch(slide, now, later, HERE, stopped_s=0.0, speed_m_s=0.0, stands=False) is slide
-    again = watch(slide, now, later, HERE, stopped_s=0.75, speed_m_s=0.0, stands=False)
-    assert again == Slide(0.75, now)
+    assert measure_slip(first, now, later, HERE, Stop(0.0, 0.0), stands=False) is first
+    again = measure_slip(first, now, later, HERE, Stop(0.75, 0.0), stands=False)
+    assert again.reference is not None
+    assert again == SlipMeasurement(0.75, again.reference)
+    assert again.reference.taken_s == now.taken_s
 
 
 def test_two_views_at_rest_must_show_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     one = watched([(0.5, 0.25, 0.0)], monkeypatch)
-    assert (one.seen_s, one.seen_m, one.slip_m) == (0.5, 0.25, None)
-    one = one._replace(seen_s=0.0)
-    assert watched([(math.nextafter(REST_S, 0.0), 0.25, 0.0)], monkeypatch, slide=one) is one
-    assert watched([(REST_S, 0.25, 0.0)], monkeypatch, slide=one).slip_m == 0.25
+    assert (one.compared_s, one.compared_m, one.slip_m) == (0.5, 0.25, None)
+    one = one._replace(compared_s=0.0)
+    assert watched([(math.nextafter(REST_S, 0.0), 0.25, 0.0)], monkeypatch, measurement=one) is one
+    assert watched([(REST_S, 0.25, 0.0)], monkeypatch, measurement=one).slip_m == 0.25
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_robot_that_still_slides_is_measured_later(sign: float, monkeypatch: pytest.MonkeyPatch) -> None:
     for apart_m, is_same in ((SAME_M, True), (math.nextafter(SAME_M, 1.0), False)):
-        slide = Slide(0.0, EARLY, seen_s=0.5, seen_m=0.0)
-        found = watched([(1.0, sign * apart_m, 0.0)], monkeypatch, slide=slide)
+        measurement = SlipMeasurement(0.0, ReferenceScan.of(EARLY), compared_s=0.5, compared_m=0.0)
+        found = watched([(1.0, sign * apart_m, 0.0)], monkeypatch, measurement=measurement)
         assert (found.slip_m is not None) is is_same
-        assert found.seen_s == (0.5 if is_same else 1.0)
+        assert found.compared_s == (0.5 if is_same else 1.0)
     assert watched([(0.5, 0.25, 0.0), (1.0, 0.5, 0.0), (1.5, 0.5, 0.0)], monkeypatch).slip_m == 0.5
 
 
@@ -218,9 +231,9 @@ def test_a_result_is_final(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_never_comes_to_rest_is_not_judged(monkeypatch: pytest.MonkeyPatch) -> None:
     last_s = EARLY.taken_s + MOST_S
-    slide = Slide(0.0, EARLY, seen_s=0.5, seen_m=0.25)
-    assert watched([(last_s, 0.25, 0.0)], monkeypatch, slide=slide).slip_m == 0.25
-    late = watched([(math.nextafter(last_s, 9.0), 0.25, 0.0)], monkeypatch, slide=slide)
+    measurement = SlipMeasurement(0.0, ReferenceScan.of(EARLY), compared_s=0.5, compared_m=0.25)
+    assert watched([(last_s, 0.25, 0.0)], monkeypatch, measurement=measurement).slip_m == 0.25
+    late = watched([(math.nextafter(last_s, 9.0), 0.25, 0.0)], monkeypatch, measurement=measurement)
     assert late.slip_m is not None
     assert math.isnan(late.slip_m)
 
@@ -235,7 +248,7 @@ def test_a_view_that_shows_nothing_ends_the_measurement(monkeypatch: pytest.Monk
 def test_what_the_period_of_the_lidar_and_noise_explain_is_no_slip(
     speed_m_s: float, error_m: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    explained_m = speed_m_s * (0.5 + 0.25) + LEAST_M + ERRORS * error_m
+    explained_m = speed_m_s * (0.5 + 0.25) + LEAST_SLIP_M + STANDARD_ERRORS * error_m
     for slip_m, shown_m in ((explained_m, 0.0), (math.nextafter(explained_m, 1.0), None)):
         found = watched([(0.5, slip_m, error_m), (1.0, slip_m, error_m)], monkeypatch, speed_m_s=speed_m_s)
         assert found.slip_m == (slip_m if shown_m is None else shown_m)
@@ -243,11 +256,11 @@ def test_what_the_period_of_the_lidar_and_noise_explain_is_no_slip(
 
 # --- several lidars
 
-ENDED = Base(stopped_s=1.0, braking=Braking(ended=Ended(1.0, 0.25, is_measured=True)))
+ENDED = Base(stopped_s=1.0, braking=Braking(ended=Ended(2.0, 0.25, is_measured=True)))
 
 
 def shown_by(*slips: float | None, stopped_s: float = 1.0) -> Sight:
-    return Sight(tuple(LidarState(slide=Slide(stopped_s, slip_m=slip_m)) for slip_m in slips))
+    return Sight(tuple(LidarState(slip=SlipMeasurement(stopped_s, slip_m=slip_m)) for slip_m in slips))
 
 
 def test_every_lidar_must_have_concluded_and_the_least_slip_counts() -> None:
@@ -268,7 +281,8 @@ def replace_braking(base: Base, braking: Braking) -> Base:
     return base._replace(braking=braking)
 
 
-def test_a_stop_is_watched_from_its_beginning_until_its_result() -> None:
-    assert measured_stop_s(ENDED) == 1.0
-    assert measured_stop_s(replace_braking(ENDED, Braking(stopping=True))) == 1.0
-    assert measured_stop_s(replace_braking(ENDED, Braking())) is None
+def test_a_stop_is_measured_from_its_beginning_until_its_result() -> None:
+    assert measured_stop(ENDED) == Stop(1.0, 2.0)
+    assert measured_stop(replace_braking(ENDED, Braking(mean_m_s=0.5, stopping=True))) == Stop(1.0, 0.5)
+    assert measured_stop(replace_braking(ENDED, Braking(mean_m_s=0.5))) is None
+    assert measured_stop(Base(braking=Braking(mean_m_s=0.5, stopping=True))) is None
