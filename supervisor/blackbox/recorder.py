@@ -170,6 +170,7 @@ class BlackBox:
         segment.growing.append(step)
         segment.last_s = now_s
         self._grow(segment, len(step) + STEP_OVERHEAD_BYTES)
+        self._drop_oldest(now_s)
 
         was_free, self._free = self._free, decision.mode is not Mode.STOPPED
         new = frozenset(decision.reasons) - self._known(state, decision)
@@ -187,12 +188,16 @@ class BlackBox:
         return known
 
     def _begin(self, now_s: float, state: State) -> _Segment:
-        """Begin a new segment; drop segments that are older than the window or exceed the memory limit."""
+        """Begin a new segment."""
         if self._segments:
             self._segments[-1].end()
         segment = _Segment(now_s, pack_state(state))
         self._segments.append(segment)
         self._grow(segment, len(segment.state) + STEP_OVERHEAD_BYTES)
+        return segment
+
+    def _drop_oldest(self, now_s: float) -> None:
+        """Drop segments that are older than the window or exceed the memory limit, but never the newest."""
         horizon_s = (now_s if self._stop is None else self._stop.first_s) - self._window_s
         while len(self._segments) > 1:
             is_old = self._segments[1].first_s <= horizon_s
@@ -204,7 +209,6 @@ class BlackBox:
                 self._cut.append((oldest.last_s, len(oldest.steps)))
         while self._cut and self._cut[0][0] <= horizon_s:
             self._cut.popleft()
-        return segment
 
     def _grow(self, segment: _Segment, size: int) -> None:
         segment.size += size
