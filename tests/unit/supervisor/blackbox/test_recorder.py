@@ -19,7 +19,7 @@ import pytest
 from recordings.incidents.replay import replay
 from supervisor.__main__ import black_box
 from supervisor.blackbox import recorder as blackbox
-from supervisor.blackbox.file import LAW, VERSION, Order, write
+from supervisor.blackbox.file import LAW, VERSION, Order, pack_state, write
 from supervisor.blackbox.reader import BlackBoxError, Document, read
 from supervisor.blackbox.recorder import (
     MEMORY_BYTES,
@@ -34,6 +34,7 @@ from supervisor.law.decision import Mode
 from supervisor.law.model import Inputs, Odometry
 from supervisor.law.reckoning import Velocity
 from supervisor.law.safety import initial_state, step
+from supervisor.law.slip import ReferenceScan, SlipMeasurement
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, KeepingWriter, WriterAtOnce
 from tests.unit.supervisor.law.law_harness import CONFIG, FORWARD, NEUTRAL, TICK_S, lost, on_time
 from wire.host.installation import ENVIRONMENT
@@ -291,6 +292,19 @@ def test_60_s_of_150_steps_a_second_and_360_beams_take_less_than_15_mb_in_few_pi
     pieces = sum(statistic.count for statistic in taken.statistics("filename"))
     assert sum(statistic.size for statistic in taken.statistics("filename")) > 500_000
     assert pieces < 20 * WINDOW_S, "of nine thousand steps"
+
+
+def test_the_scan_before_a_stop_takes_8_bytes_for_each_beam_of_a_recorded_state() -> None:
+    drive = Drive(box_of(KeepingWriter()))
+    drive.tick()
+    lidar = drive.state.sight.lidars[0]
+    assert lidar.scan is not None
+    assert lidar.scan.view is not None
+    slip = SlipMeasurement(drive.now_s, ReferenceScan.of(lidar.scan.view))
+    sight = drive.state.sight._replace(lidars=(lidar._replace(slip=slip),))
+    more = len(pack_state(drive.state._replace(sight=sight))) - len(pack_state(drive.state))
+    beams = lidar.scan.view.geometry.beams
+    assert 8 * beams < more < 8 * beams + 200
 
 
 def test_a_flood_of_10_000_commands_a_second_is_bounded_in_bytes_and_the_header_says_what_is_missing() -> (
