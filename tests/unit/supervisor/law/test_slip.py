@@ -1,5 +1,6 @@
 """How much farther than odometry shows the robot moved while it stopped."""
 
+import cmath
 import math
 
 import numpy as np
@@ -24,6 +25,8 @@ from supervisor.law.slip import (
     STANDARD_ERRORS,
     ReferenceScan,
     SlipMeasurement,
+    _offsets,  # pyright: ignore[reportPrivateUsage]
+    _weighted_median,  # pyright: ignore[reportPrivateUsage]
     measure_slip,
     slip_between,
 )
@@ -48,6 +51,11 @@ def test_two_scans_show_how_much_farther_than_odometry_the_robot_moved(
     shown_m, error_m = shown(look(START, mount), view, mount)
     assert shown_m == pytest.approx(slip_m, abs=0.015)
     assert 0.0 <= error_m < 0.005
+
+
+def test_motion_across_the_robot_counts_as_odometry_shows_it() -> None:
+    view = look(after(START, 0.4, 0.3, 0.0), odometer=after(START, 0.3, 0.3, 0.0))
+    assert shown(look(START), view)[0] == pytest.approx(0.1, abs=0.015)
 
 
 def test_the_standard_error_covers_noise() -> None:
@@ -122,6 +130,64 @@ def test_a_wall_counts_more_than_people_who_are_near() -> None:
     before, now = np.full(90, 6.0), np.full(90, 6.0)
     before[20:65], now[20:65] = 1.2, 0.8
     assert shown(in_front(before), in_front(now))[0] == pytest.approx(0.0, abs=0.01)
+
+
+def test_returns_agree_within_the_tolerance_at_their_range() -> None:
+    """At 6 m it is 0.18 m."""
+    wall = np.full(60, 6.0)
+    off_m = np.tile([-0.1, -0.05, 0.0, 0.05, 0.1], 12)
+    assert shown(in_front(wall), in_front(wall + off_m))[0] == pytest.approx(0.0, abs=0.01)
+
+
+def test_the_first_comparison_is_with_the_motion_that_odometry_shows() -> None:
+    """The wall would leave the view if the robot were 1 m farther back."""
+    wall = np.full(90, 2.0)
+    back = in_front(wall, moved_m=-0.1)._replace(pose=Pose(-0.1, 0.0, 0.0))
+    assert shown(in_front(wall), back)[0] == pytest.approx(0.0, abs=0.01)
+
+
+def test_before_a_wall_the_formula_is_exact_the_first_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    wall = np.full(90, 2.0)
+    monkeypatch.setattr(slip, "ITERATIONS", 1)
+    shown_m, error_m = shown(in_front(wall), in_front(wall, moved_m=0.3))
+    assert shown_m == pytest.approx(0.3, abs=0.005)
+    assert error_m < 0.001
+
+
+ORIGIN = Pose(0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("beam_degrees", "beside"), [(1, 2), (2, 1), (6, 1)])
+def test_each_point_before_a_wall_shows_the_slip_unless_the_slope_beside_it_is_unknown(
+    beam_degrees: int, beside: int
+) -> None:
+    """The slope is measured over 2 degrees to both sides, at least over one beam."""
+    increment = math.radians(beam_degrees)
+    angles = increment * np.arange(-7, 8)
+    reference = ReferenceScan(Geometry(15, -7 * increment, increment), 0.0, ORIGIN, 2.0 / np.cos(angles))
+    between = increment * (np.arange(-7, 7) + 0.5)
+    points = 1.9 * (1.0 + 1j * np.tan(between))
+    off_m, surface_m = _offsets(reference, points, 1 + 0j)
+    seen = slice(beside, len(points) - beside)
+    assert surface_m == pytest.approx(np.abs(points)[seen] * increment)
+    assert off_m == pytest.approx(0.1, abs=0.01 if beam_degrees == 6 else 0.002)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("place", [-2, 3])
+def test_a_point_at_an_edge_shows_nothing(place: int, sign: float) -> None:
+    """Its surface bends by more than twice the tolerance, which is 0.1 m at 2 m."""
+    for bend_m, is_shown in ((0.19, True), (0.21, False)):
+        ranges_m = np.full(360, 2.0)
+        ranges_m[180 + place] += sign * bend_m
+        reference = ReferenceScan(GEOMETRY, 0.0, ORIGIN, ranges_m)
+        off_m, _ = _offsets(reference, np.array([cmath.rect(1.9, BEAM_RAD / 2)]), 1 + 0j)
+        assert len(off_m) == is_shown
+
+
+def test_the_weighted_median_has_half_of_the_weight_on_each_side() -> None:
+    assert _weighted_median(np.array([1.0, 0.0]), np.array([3.0, 1.0])) == 1.0
+    assert _weighted_median(np.array([1.0, 0.0, 2.0]), np.array([1.0, 3.0, 1.0])) == 0.0
 
 
 def test_walls_along_the_travel_show_nothing() -> None:
