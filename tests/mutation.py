@@ -56,6 +56,11 @@ EQUIVALENT = {
     "stopping=mean_m_s >= LEAST_SPEED_M_S and speed_m_s > BEGUN_SHARE * mean_m_s,",
     "return (self.t * self.v - self.n * self.tv) / spread if spread >= LEAST_SPREAD_S2 else math.inf",
     "return np.abs(now - before) <= LEAST_CHANGE_M",
+    "if surface_m.sum() <= LEAST_SURFACE_M:",
+    "agreeing_m = surface_m[off_m < tolerances_m(surface_m / abs(reference.geometry.increment))].sum()",
+    "if agreeing_m <= max(LEAST_SURFACE_M, AGREEING_SHARE * surface_m.sum()):",
+    "is_edge = np.abs(first_m + last_m - 2.0 * old_m) >= 2.0 * tolerances_m(old_m)",
+    "shows = (np.abs(sensitivity) > LEAST_SENSITIVITY) & ~is_edge",
     "if not 0.0 < shown_m_s2 < GREATEST_M_S2:",
     "if base.moving_s is not None and now_s - base.moving_s >= follows_after_s:",
     "return (decided,) if farther_m < decided.stop_distance_m - TOUCH_M else (decided, alone)",
@@ -90,6 +95,9 @@ EQUIVALENT = {
     # Then the hidden places are looked for at each tick: the same ones.
     "return sight._replace(places=tuple(places), looking=None)",
     "return sight._replace(places=tuple(places), )",
+    # The first iteration replaces both arrays.
+    "slip_m, off_m, surface_m = 0.0, np.empty(1), np.empty(0)",
+    "slip_m, off_m, surface_m = 0.0, np.empty(0), np.empty(1)",
 }
 """Lines of mutants that behave as the original does."""
 
