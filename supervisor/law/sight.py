@@ -85,7 +85,14 @@ def suspended(sight: Sight, config: LawConfig) -> Sight:
     """Return the state after a suspend of the machine: scans from before it prove no space free, but their points remain."""
     for place in range(len(sight.lidars)):
         sight = _keep_shown(sight, config, place)
-    lidars = (s._replace(scan=None, agreement=s.agreement._replace(reference=None)) for s in sight.lidars)
+    lidars = (
+        lidar._replace(
+            scan=None,
+            agreement=lidar.agreement._replace(reference=None),
+            slip=lidar.slip._replace(slip_m=math.nan),
+        )
+        for lidar in sight.lidars
+    )
     return sight._replace(lidars=tuple(lidars), past=(), way=())
 
 

@@ -464,6 +464,16 @@ def test_a_stop_that_has_ended_waits_for_the_scans_until_the_next_command() -> N
     assert measure(braking, 0.0, braking.last_s + 0.02, is_driven=True).ended is None
 
 
+def test_a_stop_without_a_dead_time_counts_whole() -> None:
+    before = Braking(mean_m_s=1.0, last_m_s=1.0, last_s=-0.05)
+    driven_slowly = measure(before, 1.0, 0.0, is_driven=True, commanded_m_s=2.0)
+    braking = samples(driven_slowly, [0.8, 0.6, 0.4, 0.2, 0.0])
+    assert braking.stopping is False
+    assert braking.shown_dead_s == ()
+    assert braking.ended is not None
+    assert braking.ended.braked_m == pytest.approx(braking.whole_m) == pytest.approx(0.12, abs=0.02)
+
+
 def test_wheels_that_lock_show_no_deceleration_but_a_stop() -> None:
     at_once = samples(driven(1.0), [0.0])
     assert at_once.ended == Ended(1.0, 0.0, is_measured=False)

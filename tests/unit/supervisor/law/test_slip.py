@@ -9,9 +9,11 @@ import pytest
 from supervisor.law import sight as sights
 from supervisor.law import slip
 from supervisor.law.agreement import ranges_at, returns_m, tolerances_m
-from supervisor.law.base import Base, measured_stop
+from supervisor.law.base import Base, brake, measured_stop
 from supervisor.law.base_braking import Braking, Ended, Stop
-from supervisor.law.reckoning import Pose
+from supervisor.law.decision import Limit
+from supervisor.law.model import Odometry
+from supervisor.law.reckoning import Odometer, Pose, Velocity
 from supervisor.law.scan import Geometry, Mount, View
 from supervisor.law.sight import LidarState, Sight
 from supervisor.law.slip import (
@@ -30,6 +32,7 @@ from supervisor.law.slip import (
     measure_slip,
     slip_between,
 )
+from tests.unit.supervisor.law.law_harness import CONFIG, NEUTRAL, TICK_S, Law, laser_scan, odometry, ring
 from tests.unit.supervisor.law.test_agreement import AT_A_CORNER, HERE, START, after, look
 from tests.unit.supervisor.law.views import BEAM_RAD, GEOMETRY, view_of
 
@@ -352,3 +355,95 @@ def test_a_stop_is_measured_from_its_beginning_until_its_result() -> None:
     assert measured_stop(replace_braking(ENDED, Braking(mean_m_s=0.5, stopping=True))) == Stop(1.0, 0.5)
     assert measured_stop(replace_braking(ENDED, Braking(mean_m_s=0.5))) is None
     assert measured_stop(Base(braking=Braking(mean_m_s=0.5, stopping=True))) is None
+
+
+# --- in the law
+
+STOPPING = Base(
+    odometry=Odometry(NEUTRAL, 1.0),
+    stopped_s=1.0,
+    braking=Braking(mean_m_s=0.5, stopping=True),
+)
+
+
+@pytest.mark.parametrize(("speed_m_s", "stands"), [(0.0, True), (1.0, False)])
+def test_each_scan_of_a_stop_is_compared_with_the_one_before(
+    speed_m_s: float, monkeypatch: pytest.MonkeyPatch, *, stands: bool
+) -> None:
+    calls: list[tuple[object, ...]] = []
+    results = [SlipMeasurement(1.0, slip_m=0.25), SlipMeasurement(1.0, slip_m=0.5)]
+
+    def measure(*arguments: object, **named: object) -> SlipMeasurement:
+        calls.append((*arguments, named))
+        return results[len(calls) - 1]
+
+    monkeypatch.setattr(sights, "measure_slip", measure)
+    base = STOPPING._replace(odometer=Odometer(velocity=Velocity(speed_m_s, 0.0)))
+    sight, views = Sight((LidarState(),)), list[View]()
+    for number, result in enumerate(results):
+        sight = sights.see(sight, CONFIG, laser_scan(ring(2.0 + 0.01 * number), 1.0 + 0.05 * number), base)
+        (lidar,) = sight.lidars
+        assert lidar.slip is result
+        assert lidar.scan is not None
+        assert lidar.scan.view is not None
+        views.append(lidar.scan.view)
+    mount, stop, named = CONFIG.lidars[0].mount, Stop(1.0, 0.5), {"stands": stands}
+    assert calls[0] == (NO_MEASUREMENT, None, views[0], mount, stop, named)
+    measurement, before, view, *others = calls[1]
+    assert measurement is results[0]
+    assert before is views[0]
+    assert view is views[1]
+    assert others == [mount, stop, named]
+
+
+def test_without_odometry_no_slip_is_measured() -> None:
+    sight = Sight((LidarState(),))
+    for number in range(2):
+        scan = laser_scan(ring(2.0 + 0.01 * number), 1.0 + 0.05 * number)
+        sight = sights.see(sight, CONFIG, scan, STOPPING._replace(odometry=None))
+    assert sight.lidars[0].slip is NO_MEASUREMENT
+
+
+def test_the_base_counts_the_slip_of_its_stop_once_it_is_known() -> None:
+    sample = Odometry(NEUTRAL, 2.0)
+    waiting, config = brake(ENDED, CONFIG, sample, None)
+    assert waiting.braking.ended is ENDED.braking.ended
+    assert config is CONFIG
+    slipped, config = brake(ENDED, CONFIG, sample, 0.75)
+    assert slipped.braking.ended is None
+    assert slipped.braking.shown_slip_m == (0.75,)
+    assert config.shown_m_s2 == slipped.braking.shown_m_s2[0] == 2.0
+    none, config = brake(ENDED, CONFIG, sample, math.nan)
+    assert none.braking == waiting.braking._replace(ended=None)
+    assert config is CONFIG
+
+
+def test_the_law_counts_the_slip_that_the_scans_show_and_the_status_names_it() -> None:
+    law = Law()
+    law.tick(("teleop", NEUTRAL), odometry=odometry(0.0, law.now_s + TICK_S))
+    (lidar,), base = law.state.sight.lidars, law.state.base
+    assert base.stopped_s is not None
+    lidar = lidar._replace(slip=SlipMeasurement(base.stopped_s, slip_m=1.75))
+    braking = base.braking._replace(ended=Ended(2.0, 0.25, is_measured=False))
+    law.state = law.state._replace(
+        sight=law.state.sight._replace(lidars=(lidar,)), base=base._replace(braking=braking)
+    )
+    law.tick(("teleop", NEUTRAL), odometry=odometry(0.0, law.now_s + TICK_S))
+    assert law.state.base.braking.shown_slip_m == (1.75,)
+    assert law.state.config.shown_m_s2 == 1.0
+    assert law.decision.limit is Limit.BASE_WEAK
+    assert law.decision.detail == (
+        "the base brakes with 1.00 m/s² instead of 1.50, and slid up to 1.75 m farther than odometry shows in 1 of 1 stops"
+    )
+
+
+def test_after_a_suspend_nothing_is_concluded_of_the_present_stop() -> None:
+    """Meanwhile the robot may have been pushed."""
+    slip = SlipMeasurement(1.0, ReferenceScan.of(VIEW))
+    sight = sights.suspended(Sight((LidarState(slip=slip),)), CONFIG)
+    base = ENDED._replace(odometry=Odometry(NEUTRAL, 2.0))
+    for number in range(3):
+        unknown_m = sights.slip_m(sight, base)
+        assert unknown_m is not None
+        assert math.isnan(unknown_m)
+        sight = sights.see(sight, CONFIG, laser_scan(ring(2.0 + 0.01 * number), 2.0 + 0.5 * number), base)
