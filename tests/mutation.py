@@ -95,6 +95,8 @@ EQUIVALENT = {
     # Then the hidden places are looked for at each tick: the same ones.
     "return sight._replace(places=tuple(places), looking=None)",
     "return sight._replace(places=tuple(places), )",
+    # After the last beam there is a NaN.
+    "return np.append(ranges_m, math.nan).take(np.where((beams >= 0) & (beams <= number), beams, number))",
     # The first iteration replaces both arrays.
     "slip_m, off_m, surface_m = 0.0, np.empty(1), np.empty(0)",
     "slip_m, off_m, surface_m = 0.0, np.empty(0), np.empty(1)",

@@ -8,7 +8,7 @@ import pytest
 
 from supervisor.law import sight as sights
 from supervisor.law import slip
-from supervisor.law.agreement import ranges_at, returns_m, tolerances_m
+from supervisor.law.agreement import beams_at, ranges_at, returns_m, tolerances_m
 from supervisor.law.base import Base, brake, measured_stop
 from supervisor.law.base_braking import Braking, Ended, Stop
 from supervisor.law.decision import Limit
@@ -204,6 +204,13 @@ def test_a_view_without_returns_shows_nothing() -> None:
     nothing = view_of(np.full(360, math.inf))
     assert math.isnan(shown(nothing, look(START))[0])
     assert math.isnan(shown(look(START), nothing)[0])
+
+
+def test_a_beam_is_counted_from_the_first_one_in_the_direction_of_the_scan() -> None:
+    points = 2.0 * np.exp(1j * np.array([0.25, 1.0, -0.25]) * math.pi / 2)
+    assert beams_at(Geometry(8, 0.0, math.pi / 4), points) == pytest.approx([0.5, 2.0, 7.5])
+    assert beams_at(Geometry(8, 0.0, -math.pi / 4), points) == pytest.approx([7.5, 6.0, 0.5])
+    assert beams_at(Geometry(8, math.pi / 2, math.pi / 4), points) == pytest.approx([6.5, 0.0, 5.5])
 
 
 def test_the_ends_of_a_view_have_no_neighbour_and_a_full_turn_has_no_end() -> None:
