@@ -63,7 +63,7 @@ EQUIVALENT = {
     "shows = (np.abs(sensitivity) > LEAST_SENSITIVITY) & ~is_edge",
     "if not 0.0 < shown_m_s2 < GREATEST_M_S2:",
     "if base.moving_s is not None and now_s - base.moving_s >= follows_after_s:",
-    "return (decided,) if farther_m < decided.stop_distance_m - TOUCH_M else (decided, alone)",
+    "if farther_m < decided.stop_distance_m - TOUCH_M:",
     "return min(dead_s, LONGEST_DEAD_S) if dead_s >= braking.gap_s / 2.0 + SAMPLING_S else 0.0",
     # Advice belongs to a block.
     'advice = "XXXX" if block is None else sights.advice(config, usable, block)',

@@ -153,8 +153,10 @@ class Circle:
         return distances - self.radius_m, normals
 
     def approach(self, points: Floats) -> tuple[Floats, Floats, Floats]:
-        clearance, normals = self.nearest(points)
-        return clearance, normals[:, 0], np.zeros(len(points))  # rotating a circle closes on no point
+        distances: Floats = np.hypot(points[:, 0], points[:, 1])
+        normal_x = (points[:, 0] + NOTHING_M) / (distances + NOTHING_M)  # of `nearest`
+        # Turning a circle closes on no point.
+        return distances - self.radius_m, normal_x, np.zeros(len(points))
 
     def clearance_along(self, points: Floats, poses: Floats) -> Floats:
         offset_x, offset_y = points[:, 0] - poses[:, :1], points[:, 1] - poses[:, 1:2]

@@ -112,10 +112,12 @@ def press(interlock: Interlock, config: LawConfig, now_s: float, inputs: Inputs)
     stations = interlock.stations
     if config.estop_stations:
         stations = hear(stations, now_s, inputs.presences, inputs.station_ends, inputs.station_challenge)
-    return interlock._replace(
-        estop=interlock.estop or _is_pressed(inputs),
-        stations=stations,
-        strangers=tuple(dict.fromkeys((*interlock.strangers, *inputs.strangers)))[:REMEMBERED_STRANGERS],
+    return Interlock(
+        interlock.sources,
+        interlock.owner,
+        interlock.estop or _is_pressed(inputs),
+        stations,
+        tuple(dict.fromkeys((*interlock.strangers, *inputs.strangers)))[:REMEMBERED_STRANGERS],
     )
 
 
@@ -277,6 +279,8 @@ def _latch(source: Source, now_s: float, causes: Reasons, config: LawConfig) -> 
     """Latch the causes; without causes, clear all latches if a neutral command arrived after the last cause."""
     if causes:
         return source._replace(latched=source.latched | causes, caused_s=now_s)
+    if source.armed:
+        return source
     if source.neutral_s > source.caused_s:
         return source._replace(latched=NONE, block=None)
     if (

@@ -83,17 +83,17 @@ class LawConfig:
     shown_dead_s: float = 0.0
     """Dead time that the base has shown in its last stops; likewise."""
 
-    @property
+    @cached_property
     def braking_m_s2(self) -> float:
         """Deceleration that the law trusts: the worse of the configured and the measured one."""
         return min(self.deceleration_m_s2, self.shown_m_s2)
 
-    @property
+    @cached_property
     def dead_time_s(self) -> float:
         """Dead time that the law expects: the worse of the configured and the measured one."""
         return max(self.base_dead_time_s, self.shown_dead_s)
 
-    @property
+    @cached_property
     def late_s(self) -> float:
         """How late a command acts: transport, one tick and dead time.
 

@@ -106,11 +106,11 @@ def barriers(config: LawConfig, age_s: float, next_s: float, fastest_m_s: float)
         hidden_creep_m_s=config.blind_creep_m_s,
         dead_time_s=config.dead_time_s,
     )
-    alone = decided._replace(
-        stop_distance_m=TOUCH_M, reaction_s=age_s + config.base_timeout_s + config.late_s
-    )
-    farther_m = fastest_m_s * (alone.reaction_s - decided.reaction_s)
-    return (decided,) if farther_m <= decided.stop_distance_m - TOUCH_M else (decided, alone)
+    alone_s = age_s + config.base_timeout_s + config.late_s
+    farther_m = fastest_m_s * (alone_s - decided.reaction_s)
+    if farther_m <= decided.stop_distance_m - TOUCH_M:
+        return (decided,)
+    return decided, decided._replace(stop_distance_m=TOUCH_M, reaction_s=alone_s)
 
 
 def barrier(

@@ -73,9 +73,11 @@ def nearer_than(around: Surroundings, distance_m: float) -> Surroundings | None:
     (near,) = (around.clearance_m < distance_m).nonzero()
     if len(near) == 0:
         return None
-    return around._replace(
-        points=around.points.take(near, axis=0),
-        clearance_m=around.clearance_m.take(near),
-        per_linear=around.per_linear.take(near),
-        per_angular=around.per_angular.take(near),
+    return Surroundings(
+        around.hull,
+        around.kind,
+        around.points.take(near, axis=0),
+        around.clearance_m.take(near),
+        around.per_linear.take(near),
+        around.per_angular.take(near),
     )

@@ -83,7 +83,7 @@ def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
     shared = _shared_causes(state, now_s, inputs, usable)
     interlock, live = interlocks.take_commands(interlock, config, now_s, inputs, shared)
     interlock, reply = interlocks.reset(interlock, inputs, live)
-    return _decide(state._replace(interlock=interlock), now_s, shared, usable, reply)
+    return _decide(State(config, interlock, base, sight, clock), now_s, shared, usable, reply)
 
 
 def runs_out_s(state: State) -> float:
@@ -150,7 +150,7 @@ def _decide(
     state: State, now_s: float, shared: Reasons, usable: Usable, reply: Reply | None
 ) -> tuple[State, Decision]:
     """Decide the output velocity, with the stop reasons of the owner."""
-    config, interlock, base, sight, _ = state
+    config, interlock, base, sight, clock = state
     owner = interlock.owning
     reasons = shared | ({StopReason.NO_COMMAND} if owner is None else owner.latched)
     commanded = STANDSTILL if owner is None or owner.velocity is None else owner.velocity
@@ -182,7 +182,7 @@ def _decide(
     if not reasons and limit is None and bases.weakness(config, base.braking.shown_slip_m):
         limit = Limit.BASE_WEAK
     base = bases.commanded(base, output, now_s)
-    state = State(config, interlock, base, sight, state.clock._replace(now_s=now_s))
+    state = State(config, interlock, base, sight, Clock(now_s, clock.resumed_s))
     advice = "" if block is None else sights.advice(config, usable, block)
     return state, _explain(state, now_s, reasons, causes, block, advice, limit, commanded, scale, reply)
 

@@ -179,8 +179,9 @@ def _keep_shown(sight: Sight, config: LawConfig, place: int) -> Sight:
 
 def _with_shown(sight: Sight, scan: ScanReading | None) -> Remembered:
     """Return the memory with the returns of a scan added."""
-    if scan is None or scan.view is None:
+    if scan is None or len(scan.around.points) == 0:
         return sight.memory
+    assert scan.view is not None  # a scan with returns has one
     shown, pose = scan.around.points, scan.view.pose
     if pose != sight.memory_pose:
         shown = moved(shown, between(pose, sight.memory_pose))
@@ -198,6 +199,8 @@ def _remember(
         update, in the base frame of the view.
     """
     points, misses = shown
+    if len(points) == 0:
+        return shown, points
     earlier = moved(points, between(sight.memory_pose, view.pose))
     near = np.hypot(earlier[:, 0], earlier[:, 1]) < config.hull.radius_m + config.reach_m
     earlier, misses = earlier[near], misses[near]
@@ -416,6 +419,8 @@ def mismatches(sight: Sight, config: LawConfig) -> str:
 
 def _by_lidar(config: LawConfig, texts: Sequence[str | None]) -> str:
     """Join the texts of the lidars that have one."""
+    if not any(texts):
+        return ""
     found = [(lidar.name, text) for lidar, text in zip(config.lidars, texts, strict=True) if text]
     alone = len(config.lidars) == 1
     return "; ".join(text if alone else f"{name}: {text}" for name, text in found)

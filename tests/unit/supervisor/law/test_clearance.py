@@ -509,10 +509,20 @@ def test_what_limits_is_reported_only_where_it_leaves_less_than_is_worth_moving_
 
 
 def test_what_is_at_the_very_centre_of_a_round_hull_is_closed_on_by_driving_and_not_by_turning() -> None:
-    clearance, per_linear, per_angular = Circle(0.25).approach(np.array([[0.0, 0.0], [1.0, 0.0]]))
+    points = np.array([[0.0, 0.0], [1.0, 0.0]])
+    clearance, per_linear, per_angular = Circle(0.25).approach(points)
     assert clearance.tolist() == [-0.25, 0.75]
     assert per_linear.tolist() == [1.0, 1.0]
     assert per_angular.tolist() == [0.0, 0.0]
+    assert Circle(0.25).nearest(points)[1].tolist() == [[1.0, 0.0], [1.0, 0.0]]
+
+
+def test_a_round_hull_closes_on_a_point_along_the_normal_of_its_nearest_point() -> None:
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, (100, 2))
+    clearance, per_linear, _ = Circle(0.25).approach(points)
+    distances, normals = Circle(0.25).nearest(points)
+    assert clearance.tolist() == distances.tolist()
+    assert per_linear.tolist() == normals[:, 0].tolist()
 
 
 @pytest.mark.parametrize(

@@ -73,6 +73,17 @@ def test_what_was_kept_stays_when_the_next_scan_shows_nothing_there() -> None:
     assert len(remembered_ahead(law)) > 15
 
 
+def test_a_single_return_is_kept_in_its_place_while_the_base_moves_on() -> None:
+    law = Law(scanning=False)
+    nothing = np.full(360, math.inf, dtype=np.float32)
+    tick(law, np.where(np.arange(360) == 180, np.float32(AHEAD_M), nothing))
+    tick(law, garbled())
+    for _ in range(3):
+        tick(law, nothing)
+        (kept,) = remembered_ahead(law)
+        assert math.hypot(*kept) == pytest.approx(AHEAD_M, abs=1e-6)
+
+
 def test_what_cannot_be_decoded_keeps_what_was_shown_as_well() -> None:
     law = watching()
     tick(law, undecodable_lidars=(0,))
