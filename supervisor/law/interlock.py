@@ -112,12 +112,10 @@ def press(interlock: Interlock, config: LawConfig, now_s: float, inputs: Inputs)
     stations = interlock.stations
     if config.estop_stations:
         stations = hear(stations, now_s, inputs.presences, inputs.station_ends, inputs.station_challenge)
-    return Interlock(
-        interlock.sources,
-        interlock.owner,
-        interlock.estop or _is_pressed(inputs),
-        stations,
-        tuple(dict.fromkeys((*interlock.strangers, *inputs.strangers)))[:REMEMBERED_STRANGERS],
+    return interlock._replace(
+        estop=interlock.estop or _is_pressed(inputs),
+        stations=stations,
+        strangers=tuple(dict.fromkeys((*interlock.strangers, *inputs.strangers)))[:REMEMBERED_STRANGERS],
     )
 
 
