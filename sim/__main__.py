@@ -1,5 +1,10 @@
 """`python -m sim`: starts program.py, or says how to install the simulation."""
 
+import gc
+
+if __name__ == "__main__":
+    gc.disable()  # until run_process: what the imports create stays
+
 from wire.host.command_line import refuse
 from wire.host.installation import how_to_install, missing_extra
 

@@ -1,8 +1,10 @@
 """`python -m teleop`: drive the robot by keyboard or gamepad, or only watch."""
 
+import gc
 import signal
 
 if __name__ == "__main__":
+    gc.disable()  # until run_process: what the imports create stays
     # Until the loop runs, Ctrl-C ends the program without a traceback: the imports below take a while.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 

@@ -197,7 +197,14 @@ async def test_what_the_first_drive_measures_is_what_the_robot_is(tmp_path: Path
     assert drive.file.read_text().startswith("# my robot\n[supervisor]\ndeceleration_m_s2 = 1.5 # a guess\n")
 
 
+@pytest.fixture
+def no_stops(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the step of the stops, which takes most of the time."""
+    monkeypatch.setattr(plan, "STOP_SPEEDS_M_S", ())
+
+
 @pytest.mark.timeout(600)
+@pytest.mark.usefixtures("no_stops")
 async def test_the_yaw_of_a_lidar_that_looks_elsewhere_than_configured_is_measured(tmp_path: Path) -> None:
     answers = {**ANSWERS, "skip to leave it out": "skip"}
     config = CONFIG.model_copy(update={"lidar": LidarSection(yaw_rad=0.25)})
@@ -286,11 +293,10 @@ async def test_when_the_supervisor_falls_silent_the_person_must_switch_the_robot
 
 
 @pytest.fixture
-def only_estop(monkeypatch: pytest.MonkeyPatch) -> None:
+def only_estop(monkeypatch: pytest.MonkeyPatch, no_stops: None) -> None:
     """Leave out the headings and the stops, and drive a shorter distance."""
     back = plan.Drive(turn_rad=-plan.TURN_RAD, speed=plan.SLOW_RAD_S)
     monkeypatch.setattr(plan, "HEADINGS", plan.HEADINGS._replace(drives=(back,)))
-    monkeypatch.setattr(plan, "STOP_SPEEDS_M_S", ())
     monkeypatch.setattr(plan, "ESTOP", plan.ESTOP._replace(drives=(plan.Drive(0.3),)))
 
 

@@ -42,8 +42,7 @@ async def restart_supervisor(subject: Robot) -> None:
 
 async def nothing_moves(subject: Robot, reason: str = ESTOP) -> None:
     """Send neutral, then motion: the commands are received, and the reason remains."""
-    subject.type("s")
-    await subject.until(lambda: _heard(subject.status, neutral=True), "a neutral teleop")
+    await subject.press("s", lambda: _heard(subject.status, neutral=True), "a neutral teleop")
     subject.outputs.clear()
     await subject.press("www", lambda: _heard(subject.status, neutral=False), "a teleop that asks for motion")
     await subject.never(lambda: reason not in subject.status.reasons, f"released from {reason}", TRY_S)

@@ -218,8 +218,7 @@ async def test_estop_by_the_space_bar_latches_until_reset(tmp_path: Path) -> Non
         await subject.until(lambda: abs(subject.speed_m_s) < 0.005, "standstill")
         subject.type("www")
         await subject.never(lambda: abs(subject.speed_m_s) > 0.01, "it moved under e-stop", 0.5)
-        subject.type("s")
-        await subject.until(lambda: subject.status.sources[0].neutral, "neutral")
+        await subject.press("s", lambda: subject.status.sources[0].neutral, "neutral")
         await subject.press("r", lambda: subject.status.mode == SafetyStatus.READY, "a reset")
         await subject.drive()
 
@@ -227,8 +226,7 @@ async def test_estop_by_the_space_bar_latches_until_reset(tmp_path: Path) -> Non
 async def test_a_rogue_put_on_cmd_vel_never_reaches_the_base(tmp_path: Path) -> None:
     async with robot(tmp_path) as subject:
         await subject.drive()
-        subject.type("s")
-        await subject.until(lambda: abs(subject.speed_m_s) < 0.005, "standstill")
+        await subject.press("s", lambda: abs(subject.speed_m_s) < 0.005, "standstill")
         rogue = open_rogue(participants(subject.endpoint))
         try:
             payload = encode(planar_twist(1.0, 0.0))

@@ -158,7 +158,7 @@ def test_the_nodes_have_the_pids_of_their_processes(shared: Robot, tmp_path: Pat
     assert (code, output, "there is no node 'teleop'" in errors) == (EXIT_REFUSED, "", True)
     # The test's own session has no token, so it has the name of its program.
     assert os.getpid() in {one["pid"] for one in nodes.values()}
-    (info,) = listed(shared, "node", "info", "/sim", "--seconds", "3")
+    (info,) = listed(shared, "node", "info", "/sim", "--seconds", "1")
     assert (info["pid"], info["host"]) == (pids["sim"], "local")
     assert {"robot/scan", "robot/odom"} <= set(info["writes"])
     assert "robot/sim/reset" in info["serves"]
@@ -167,7 +167,7 @@ def test_the_nodes_have_the_pids_of_their_processes(shared: Robot, tmp_path: Pat
     assert code == 0
     assert any("►" in line and "cmd_vel" in line for line in text.splitlines())
     for name in ("graph.svg", "graph.png", "graph.dot"):
-        assert in_process(shared, "graph", "--seconds", "0.5", "--out", str(tmp_path / name))[0] == 0
+        assert in_process(shared, "graph", "--seconds", "0.1", "--out", str(tmp_path / name))[0] == 0
         assert (tmp_path / name).stat().st_size > 500
 
 
@@ -280,7 +280,7 @@ def test_a_second_writer_of_the_scan_is_found(shared: Robot, *, declares: bool) 
                 publisher.put(b"x", attachment=stamp)
 
         with repeated(write, 0.05):
-            code, output, _ = in_process(shared, "topic", "info", "scan", "--seconds", "2", "--json")
+            code, output, _ = in_process(shared, "topic", "info", "scan", "--seconds", "1", "--json")
     info = json.loads(output)
     assert code == 1
     assert info["problem"] == "2 programs write robot/scan, but only one may: stop all but sim"

@@ -6,6 +6,7 @@ a signal, when its main returns, and on any exception, including one in a task t
 """
 
 import asyncio
+import gc
 import logging
 import os
 import signal
@@ -38,6 +39,9 @@ def run_process(name: str, main: Main, *, memory_keeper: bool = False) -> NoRetu
         main: SIGTERM, SIGINT and SIGHUP set `stop`; main must then return within `STOP_LIMIT_S`.
         memory_keeper: whether to start a memory keeper (wire/host/memory_keeper.py), for a process whose death must stop the robot.
     """
+    # A program that starts many times disables the collection of garbage during its imports, which takes up to 21 ms.
+    gc.freeze()  # no later collection searches the modules, which would take 9 ms, longer than many steps of the law
+    gc.enable()
     at_end = ExitStack()
     code = EXIT_FAILURE
     try:

@@ -12,13 +12,30 @@ from typer.testing import CliRunner
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import DEFAULT_CONFIG
 from lifeline.check.check import Report, check, examine, stopping
-from lifeline.check.motions import MOTIONS, Permitted
+from lifeline.check.motions import MOTIONS, Permitted, View, permitted_motions
 from lifeline.cli.app import app
+from supervisor.config import SupervisorSection
 from supervisor.law.reckoning import STANDSTILL, Velocity
 from wire.reasons import StopReason
 
 EXAMPLES = {path.stem: path for path in (DEFAULT_CONFIG.parent / "examples").glob("*.toml")}
 QUARTER = math.pi / 2
+
+
+_motions: dict[str, tuple[Permitted, ...]] = {}
+
+
+@pytest.fixture(autouse=True)
+def motions_are_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep the motions of each configuration: they take most of the time, and many tests change only its risks."""
+
+    def permitted(config: SupervisorSection, views: tuple[View, ...]) -> tuple[Permitted, ...]:
+        key = repr((config.model_dump(exclude={"accepted_risks"}), views))
+        if key not in _motions:
+            _motions[key] = tuple(permitted_motions(config, views))
+        return _motions[key]
+
+    monkeypatch.setattr("lifeline.check.check.permitted_motions", permitted)
 
 
 @cache

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim import mj
+from sim import mj, program
 from sim.config import Build, Hull, SceneError, SimSection
 from sim.hall import MODELS
 from sim.plant import Plant
@@ -256,9 +256,18 @@ def test_the_configuration_says_what_is_built_and_people_are_about_by_default() 
         (["--hull", "oval"], "sim.hull = 'oval'"),
     ],
 )
-def test_the_process_refuses_what_cannot_be_before_it_connects(options: list[str], why: str) -> None:
-    command = [sys.executable, "-m", "sim", "--no-viewer", *options]
+def test_what_cannot_be_is_refused_before_it_connects(
+    options: list[str], why: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["sim", "--no-viewer", *options])
+    with pytest.raises(SystemExit, match="2"):
+        program.main()
+    assert why in capsys.readouterr().err
+
+
+def test_the_process_refuses_what_cannot_be_without_a_traceback() -> None:
+    command = [sys.executable, "-m", "sim", "--no-viewer", "--hull", "oval"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2
-    assert why in done.stderr
+    assert "sim.hull = 'oval'" in done.stderr
     assert "Traceback" not in done.stderr
