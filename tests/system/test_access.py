@@ -6,6 +6,7 @@ The tables are written by hand, and not generated as the access control is.
 import asyncio
 import fcntl
 import os
+import shutil
 import sys
 from collections.abc import AsyncGenerator, Iterable
 from contextlib import asynccontextmanager
@@ -14,8 +15,10 @@ from pathlib import Path
 import pytest
 import zenoh
 
+from tests.system.harness import PATIENCE_S, robot
 from tests.system.ports import free_endpoint, participants
 from tests.system.rogue import open_rogue
+from wire import topics
 from wire.access import LOCAL_ROLES, Contract
 from wire.bus_config import BusConfig
 from wire.roles import Role
@@ -23,6 +26,7 @@ from wire.zenoh import connect, local_socket
 from wire.zenoh.connect import open_session
 from wire.zenoh.hub_proof import HubProof
 
+LIFELINE = Path(sys.executable).with_name("lifeline")
 ROLES = [Role.BASE, Role.SENSOR, Role.OPERATOR, Role.ESTOP, Role.VIEWER]
 CONTRACT = Contract(
     sources=("teleop", "joy"), lidars=("scan", "rear/scan"), more_keys=("camera/**",), stations=("door",)
@@ -430,6 +434,22 @@ async def test_a_restarted_hub_replaces_the_socket_of_a_killed_one() -> None:
         for session in (*clients, last):
             session.close()  # pyright: ignore[reportUnknownMemberType]
     assert not path.exists()
+
+
+async def test_a_supervisor_whose_socket_was_removed_ends_since_nobody_could_stop_the_robot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(local_socket.ENVIRONMENT, str(tmp_path / "run"))
+    async with robot(tmp_path) as subject:
+        await subject.drive()
+        shutil.rmtree(tmp_path / "run")
+        ended = asyncio.to_thread(subject.processes[topics.SUPERVISOR].wait, PATIENCE_S)
+        assert await ended == 1
+        assert "was removed, so no program can stop the robot" in (tmp_path / "supervisor.log").read_text()
+        subject.start(topics.SUPERVISOR)
+        await subject.drive()
+        press = await asyncio.create_subprocess_exec(LIFELINE, "estop", "--endpoint", subject.endpoint)
+        assert await asyncio.wait_for(press.wait(), PATIENCE_S) == 0
 
 
 async def _all_at(clients: list[zenoh.Session], endpoint: str) -> None:
