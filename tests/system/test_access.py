@@ -16,6 +16,7 @@ import pytest
 import zenoh
 
 from tests.system.harness import PATIENCE_S, robot
+from tests.system.namespaces import needs_namespaces
 from tests.system.ports import free_endpoint, participants
 from tests.system.rogue import open_rogue
 from wire import topics
@@ -450,6 +451,52 @@ async def test_a_supervisor_whose_socket_was_removed_ends_since_nobody_could_sto
         await subject.drive()
         press = await asyncio.create_subprocess_exec(LIFELINE, "estop", "--endpoint", subject.endpoint)
         assert await asyncio.wait_for(press.wait(), PATIENCE_S) == 0
+
+
+@needs_namespaces
+async def test_hubs_in_two_network_namespaces_with_one_home_and_port_have_sockets_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = tmp_path / "run"
+    monkeypatch.setenv(local_socket.ENVIRONMENT, str(run))
+    hubs: list[asyncio.subprocess.Process] = []
+    try:
+        for number in (1, 2):
+            start = 'ip link set lo up; exec "$@"'
+            hub = await asyncio.create_subprocess_exec(
+                *(
+                    "unshare",
+                    "--net",
+                    "sh",
+                    "-c",
+                    start,
+                    "sh",
+                    sys.executable,
+                    "-c",
+                    HUB,
+                    "tcp/127.0.0.1:7447",
+                ),
+                stdout=asyncio.subprocess.PIPE,
+            )
+            hubs.append(hub)
+            assert hub.stdout is not None
+            assert await asyncio.wait_for(hub.stdout.readline(), LIMIT_S) == b"listens\n"
+            assert len(_answering(run)) == number
+        first, second = _answering(run)
+        hubs[1].kill()
+        await hubs[1].wait()
+        assert len(_answering(run)) == 1
+        local_socket.prepare(run / "1-7447.sock")
+        assert list(run.glob("*.sock")) == _answering(run), f"of {first} and {second}, only that of the hub"
+    finally:
+        for hub in hubs:
+            if hub.returncode is None:
+                hub.kill()
+                await hub.wait()
+
+
+def _answering(run: Path) -> list[Path]:
+    return [path for path in run.glob("*.sock") if local_socket.answers(path)]
 
 
 async def _all_at(clients: list[zenoh.Session], endpoint: str) -> None:
