@@ -177,7 +177,7 @@ def table(look: Look) -> Table | Text:
         table.add_row("mode", Text(f"unknown: no status within {LISTEN_LIMIT_S:g} s", style="bold red"))
     else:
         status = look.status
-        table.add_row("mode", Text(look.mode or "", style=COLOURS[look.mode or "STOPPED"]))
+        table.add_row("mode", Text(printable(look.mode or ""), style=COLOURS[look.mode or "STOPPED"]))
         for name, why in _why(status):
             table.add_row(name, why)
         for name, text in _estop(status):

@@ -129,9 +129,13 @@ class BaseClock:
                 'commanded: if this persists, synchronise the clocks with NTP, or set stamp = "zero" or "now" in [ros2]'
             )
         if self.choice == "base" and now_s - self._lost_s <= REPORTED_S:
+            change_s = self.ahead_s - self._lost_ahead_s
+            # A clock that runs slow falls behind by STABLE_S each time.
+            slow = "; if this repeats, its clock runs slow: synchronise it with NTP"
             return (
                 "the base's clock was unknown for a moment, and since then it has changed by "
-                f"{self.ahead_s - self._lost_ahead_s:+.2f} s: zero was commanded, so send zero velocity before the robot can move again"
+                f"{change_s:+.2f} s: zero was commanded, so send zero velocity before the robot can move again"
+                f"{slow if -2.0 * STABLE_S < change_s < 0.0 else ''}"
             )
         if self.choice == "now" and abs(self.ahead_s) > OFFSET_LIMIT_S:
             effect = "ignores each command" if self.ahead_s > 0.0 else "keeps its last command for longer"

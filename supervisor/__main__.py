@@ -28,10 +28,13 @@ from wire.tls import is_loopback, is_secure
 from wire.zenoh import limits
 from wire.zenoh.bus import open_bus
 from wire.zenoh.connect import start_log
-from wire.zenoh.local_socket import participants
+from wire.zenoh.local_socket import identity, participants, socket_of
 from wire.zenoh.log import report_refusals
 
 _log = logging.getLogger("supervisor")
+
+SOCKET_PERIOD_S = 1.0
+"""Period of the checks that the supervisor's socket still exists."""
 
 
 def open_record(directory: Path, namespace: str) -> EstopRecord:
@@ -91,13 +94,34 @@ def main() -> None:
             suspended_s = SuspendMeter().suspended_s
             shown = await asyncio.to_thread(BaseRecord, BaseFile(directory, bus_section.namespace, law))
             service = SupervisorService(bus, config, recorder, record, suspended_s, notifier, law, shown)
+            watching = asyncio.ensure_future(_is_socket_gone(bus_section.endpoint, stop))
             await service.run(stop)
+            is_gone = watching.done() and watching.result()
+            watching.cancel()
         finally:
             await bus.close()
-        return 0
+        return int(is_gone)
 
     bound_memory(limits.MEMORY_BYTES)
     run_process("supervisor", run, memory_keeper=bus_section.memory_keeper)
+
+
+async def _is_socket_gone(endpoint: str, stop: asyncio.Event) -> bool:
+    """Wait until the socket of this supervisor is gone, and then end the supervisor: nobody else could stop the robot.
+
+    A service manager starts it again, with a new socket. Return False at once if there was no socket.
+    """
+    path = socket_of(endpoint)
+    made = None if path is None else identity(path)
+    if path is None or made is None:
+        return False
+    while True:
+        await asyncio.sleep(SOCKET_PERIOD_S)
+        if await asyncio.to_thread(identity, path) != made:
+            break
+    _log.error("the socket %s was removed, so no program can stop the robot: the supervisor ends", path)
+    stop.set()
+    return True
 
 
 def _who_takes_part(bus: BusSection) -> str:

@@ -9,9 +9,9 @@ from typing import Annotated, TypeVar
 import numpy as np
 from pydantic import BeforeValidator
 from rich.console import Console
-from rich.table import Table
 
 from bench.rig.stored import origin, was_idle
+from deploy.stack import table
 
 T = TypeVar("T")
 Column = tuple[str, Callable[[T], str]]
@@ -102,12 +102,11 @@ def show(sheets: Iterable[Sheet], verdicts: Iterable[Verdict], run: Mapping[str,
     # A pipe has no width; the default width would truncate the tables.
     console = Console() if sys.stdout.isatty() else Console(width=170)
     for sheet in sheets:
-        table = Table(title=sheet.title, title_justify="left", title_style="bold")
-        for number, column in enumerate(sheet.columns):
-            table.add_column(column, justify="left" if number == 0 else "right")
+        columns = [table.Column(name, right=number > 0) for number, name in enumerate(sheet.columns)]
+        page = table.Table(*columns, title=sheet.title)
         for row in sheet.rows:
-            table.add_row(*row)
-        console.print(table)
+            page.add_row(*row)
+        console.print(page)
     for sentence in sentences(verdicts, run):
         style = {"on": "green", "OVER": "bold red"}.get(sentence.partition(" ")[0], "dim")
         console.print(sentence, style=style, highlight=False)

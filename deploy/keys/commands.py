@@ -25,6 +25,7 @@ from deploy.stack.errors import DeployError
 from deploy.stack.table import Column, Table
 from wire.host.installation import runnable
 from wire.roles import Role
+from wire.text import printable
 
 
 def init(directory: Path | None, *, replace: bool) -> dict[str, Any]:
@@ -122,7 +123,7 @@ def show(table: list[Row]) -> None:
     console = Console()
     console.print(_to_table(table))
     for sentence in warnings(table):
-        console.print(Text(runnable(f"warning: {sentence}"), style="yellow"), soft_wrap=True)
+        console.print(Text(printable(runnable(f"warning: {sentence}")), style="yellow"), soft_wrap=True)
 
 
 def _to_table(table: list[Row]) -> Table:

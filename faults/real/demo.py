@@ -14,9 +14,9 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 
 from rich.console import Console
-from rich.table import Column, Table
 from rich.text import Text
 
+from deploy.stack.table import Column, Table
 from deploy.stack.takedown import Say
 from faults.classes import BY_NAME
 from faults.promises import KILL_MEDIAN_S, Bounds, violations
@@ -28,6 +28,7 @@ from faults.seen import Seen
 from faults.trial import Injected, Trial
 from wire import topics
 from wire.reasons import StopReason
+from wire.text import printable
 
 BASE_REACTION_S = 0.03
 """From zero on cmd_vel to the first deceleration of the wheels."""
@@ -345,10 +346,8 @@ def print_verdicts(verdicts: Sequence[Verdict]) -> None:
     if not console.is_terminal:
         console = Console(width=MIN_WIDTH)
     columns = ("promise", "bound", "measured", "")
-    table = Table(
-        Column("№", justify="right"), *columns, title="promises and measurements", title_justify="left"
-    )
+    table = Table(Column("№", right=True), *columns, title="promises and measurements")
     for verdict in sorted(verdicts, key=lambda v: v.number):
-        word = Text(verdict.outcome, style=COLOURS[verdict.outcome])
+        word = Text(printable(verdict.outcome), style=COLOURS[verdict.outcome])
         table.add_row(str(verdict.number), verdict.promise, verdict.bound, verdict.measured, word)
     console.print(table)

@@ -14,9 +14,9 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
-from rich.table import Table
 from rich.text import Text
 
+from deploy.stack.table import Column, Table
 from faults.report.figures import ClassFigures, class_of, figures_of, replay
 from faults.trial import Trial
 from wire.text import printable
@@ -87,13 +87,9 @@ def print_results(trials: Sequence[Trial], console: Console | None = None, *, as
     console = console or Console()
     if not console.is_terminal and console.width < MIN_WIDTH:
         console = Console(width=MIN_WIDTH, stderr=console.stderr)
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("fault", no_wrap=True)
-    for title in COLUMNS:
-        is_text = title == "detected by"  # wraps if the console is narrow; numbers never do
-        table.add_column(title, justify="left" if is_text else "right", no_wrap=not is_text)
+    table = Table("fault", *(Column(title, right=title != "detected by") for title in COLUMNS))
     for one in figures_of(trials):
-        table.add_row(Text(printable(one.name)), *_cells(one))
+        table.add_row(one.name, *_cells(one))
     console.print(table)
     for line in broken_sentences(trials)[: 2 * BROKEN_SHOWN]:
         console.print(printable(line), style="red", markup=False, highlight=False, soft_wrap=True)
@@ -104,14 +100,14 @@ def _cells(one: ClassFigures) -> Iterator[str | Text]:
     stop, standstill, distance = one.stop, one.standstill, one.distance
     yield str(one.trials)
     yield str(len(one.stops))
-    yield Text(printable(", ".join(f"{name} {count}" for name, count in one.detectors[:3])))
+    yield ", ".join(f"{name} {count}" for name, count in one.detectors[:3])
     yield one.bound_ms and f"{one.bound_ms} ms"
     for time_s in (None,) * 3 if stop is None else (stop.median, stop.limit, stop.worst):
         yield "" if time_s is None else f"{1000 * time_s:.1f} ms"
     yield "" if standstill is None else f"{1000 * standstill.median:.0f} ms"
     yield "" if distance is None else f"{100 * distance.worst:.1f} cm"
     yield f"{100 * one.clearance_m:.1f} cm"
-    yield f"[bold red]{one.broken}[/]" if one.broken else ""
+    yield Text(printable(str(one.broken)), "bold red") if one.broken else ""
 
 
 def broken_sentences(trials: Sequence[Trial]) -> list[str]:

@@ -25,7 +25,7 @@ from supervisor.law.seen_space import hiding_distance_m
 from supervisor.measured import MeasuredSection
 from wire import topics
 from wire.host.config import BusSection, ConfigError, read_toml
-from wire.text import printable
+from wire.text import printable, printable_lines
 
 EXIT_RISKS = 1
 
@@ -268,15 +268,13 @@ def _decision_json(decision: Decision) -> dict[str, Any]:
 
 
 def _print(console: Console, file: Path, report: Report) -> None:
-    console.print(
-        Text(f"{printable(str(file))}: the configuration is valid", style="bold green"), soft_wrap=True
-    )
+    console.print(Text(printable(f"{file}: the configuration is valid"), style="bold green"), soft_wrap=True)
     console.print(_lidar_table(report))
     for lidar, view in zip(report.config.all_lidars(), report.lidars, strict=True):
         if view.assumed:
             keys = ", ".join(view.assumed)
             text = f"{lidar.name}: assumed {keys}; set these keys in its table, or the motions below may be wrong"
-            console.print(Text(text, style="yellow"), soft_wrap=True)
+            console.print(Text(printable_lines(text), style="yellow"), soft_wrap=True)
     if report.ros2:
         console.print()
         console.print(_topic_table(report.ros2))
@@ -289,15 +287,15 @@ def _print(console: Console, file: Path, report: Report) -> None:
         ),
         soft_wrap=True,
     )
-    console.print(Text("\n".join(_limits(report)) + "\n"), soft_wrap=True)
+    console.print(Text(printable_lines("\n".join(_limits(report)) + "\n")), soft_wrap=True)
     console.print(_motion_table(report.motions))
     required = [station.name for station in report.config.estop_stations or () if station.required]
     if required:
         text = f"Required e-stop stations: {', '.join(required)}. No motion is permitted while one of them is not heard."
-        console.print(Text(text), soft_wrap=True)
+        console.print(Text(printable_lines(text)), soft_wrap=True)
     for setting in report.needless:
         text = f"accepted_risks names {printable(setting)}, which is not a risk of this file: remove it"
-        console.print(Text(text, style="yellow"), soft_wrap=True)
+        console.print(Text(printable_lines(text), style="yellow"), soft_wrap=True)
     if report.accepted:
         console.print(_risk_table(report.accepted, "accepted risks"))
     if report.risks:
@@ -356,14 +354,15 @@ def _motion_table(motions: tuple[Permitted, ...]) -> Table:
 
 def _speed(decision: Decision) -> Text:
     if decision.reasons:
-        return Text(f"no: {', '.join(decision.reasons)}", style="red")
+        return Text(printable(f"no: {', '.join(decision.reasons)}"), style="red")
     linear_m_s, angular_rad_s = decision.output
     parts = [
         f"{abs(value):.2f} {unit}" for value, unit in ((linear_m_s, "m/s"), (angular_rad_s, "rad/s")) if value
     ]
     style = "green" if decision.scale == 1.0 else "yellow"
     return Text(
-        f"{', '.join(parts)}{'' if decision.scale == 1.0 else f' ({decision.scale:.0%})'}", style=style
+        printable(f"{', '.join(parts)}{'' if decision.scale == 1.0 else f' ({decision.scale:.0%})'}"),
+        style=style,
     )
 
 

@@ -63,7 +63,7 @@ async def _examine(
         await _listen(seen, robot_at(bus, launch, seen.config, stop), seconds)
     findings = [one._replace(what=runnable(one.what), remedy=runnable(one.remedy)) for one in diagnose(seen)]
     found = [finding._asdict() for finding in findings]
-    show(found, table_of(findings), Text(_summary(findings)), as_json=as_json)
+    show(found, table_of(findings), Text(printable_lines(_summary(findings))), as_json=as_json)
     return 0 if is_healthy(findings) else 1
 
 

@@ -142,7 +142,7 @@ def table(rows: Sequence[Row], shared_endpoint: str | None = None) -> Table:
         del columns["speed"]
     page = Table(*columns.values(), title="" if shared_endpoint is None else f"robots at {shared_endpoint}")
     for row in rows:
-        texts = {column.name: Text(text) for column, text in zip(COLUMNS, cells(row), strict=True)}
+        texts = {column.name: Text(printable(text)) for column, text in zip(COLUMNS, cells(row), strict=True)}
         if shared_endpoint is not None:
             texts["robot"] = Text(printable(row.namespace))
         if row.status is None:

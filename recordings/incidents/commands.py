@@ -77,28 +77,28 @@ def _short_ids(paths: Sequence[Path]) -> list[str]:
     ]
 
 
-def _row(path: Path, short: str) -> list[Text]:
+def _row(path: Path, short: str) -> list[Text | str]:
     try:
         incident = read_incident(path)
     except IncidentError as error:
-        return [Text(short), Text(_problem(path, str(error)), "bold red"), *[Text(UNKNOWN)] * 4]
+        return [short, Text(printable(_problem(path, str(error))), "bold red"), *[UNKNOWN] * 4]
     at, velocity, rest = incident.at_stop, incident.velocity, incident.braking
-    reasons = Text(", ".join(incident.reasons))
+    reasons = Text(printable(", ".join(incident.reasons)))
     if incident.problem:
-        reasons.append(f" ({_problem(path, incident.problem)})", "bold red")
+        reasons.append(printable(f" ({_problem(path, incident.problem)})"), "bold red")
     return [
-        Text(short),
+        short,
         reasons,
-        Text(UNKNOWN if at is None or not at.owner else printable(at.owner)),
-        Text(UNKNOWN if velocity is None else _speed(velocity)),
-        Text(UNKNOWN if rest is None else f"{rest.distance_m:.2f} m"),
-        Text(UNKNOWN if at is None else nearest(at.nearest_m, nan)),
+        UNKNOWN if at is None or not at.owner else at.owner,
+        UNKNOWN if velocity is None else _speed(velocity),
+        UNKNOWN if rest is None else f"{rest.distance_m:.2f} m",
+        UNKNOWN if at is None else nearest(at.nearest_m, nan),
     ]
 
 
 def _problem(path: Path, sentence: str) -> str:
     """Return a problem without the path that the row names already."""
-    return printable(sentence).replace(f"{path} ", "").replace(f" {path}", "").removeprefix("is ")
+    return sentence.replace(f"{path} ", "").replace(f" {path}", "").removeprefix("is ")
 
 
 def _speed(velocity: Velocity) -> str:
@@ -205,7 +205,7 @@ def table_of(rows: Sequence[Sample]) -> Table:
     for sample in rows[:MAX_ROWS]:
         table.add_row(
             f"{sample.time_s + 0.0:+.3f}",
-            Text(sample.mode, COLOURS[sample.mode]),
+            Text(printable(sample.mode), COLOURS[sample.mode]),
             *(_twist(velocity, turns=turns) for velocity in sample.velocities),
             _value(sample.nearest_m),
             printable(sample.why),
@@ -288,7 +288,7 @@ def plot(title: str, times_s: Sequence[float], series: Sequence[Series], *, widt
             value = one.values[_at(times_s, first_s + column * span_s / (columns - 1))]
             if abs(value) <= MAX_DRAWN:  # false for NaN
                 cells[round((high - value) / (high - low) * (height - 1))][column] = (one.glyph, one.style)
-    text = Text(f"{title}: ", no_wrap=True, overflow="crop")
+    text = Text(printable(f"{title}: "), no_wrap=True, overflow="crop")
     for one in series:
         text.append(f"{one.glyph} {one.name}  ", one.style)
     for number, row in enumerate(cells):

@@ -232,7 +232,7 @@ def _timeline(phases: Sequence[Phase], stop_s: float) -> Table:
         table.add_row(
             f"{phase.first_s - stop_s + 0.0:+.3f}",
             f"{end_s - phase.first_s:.3f}",
-            Text(first.mode.name, style=COLOURS[first.mode.name]),
+            Text(printable(first.mode.name), style=COLOURS[first.mode.name]),
             Text(printable(first.owner)),
             _span(_twist(first.commanded), _twist(last.commanded)),
             _span(_twist(first.output), _twist(last.output)),
@@ -255,7 +255,10 @@ def _verdict(document: Document, found: Replay) -> Text:
     took = f"in {found.took_s:.2f} s"
     difference = found.difference
     if difference is None:
-        return Text(f"{found.steps:,} steps replayed {took}; all decisions are the same", style="bold green")
+        return Text(
+            printable(f"{found.steps:,} steps replayed {took}; all decisions are the same"),
+            style="bold green",
+        )
     lines = [
         f"{found.steps:,} steps replayed {took}; the first difference is in {difference.where}",
         f"  {difference.now_s - found.stop_s:+.3f} s from the stop, at step time {difference.now_s!r} s:",

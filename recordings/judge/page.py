@@ -22,8 +22,8 @@ def page(found: Judgement) -> Iterator[Table | Text]:
     """Yield the parts of the page: the verdict, the facts, and the tables."""
     of = "supervised" if found.is_supervised else "not supervised"
     style = "bold red" if found.is_found else "bold yellow" if found.feed.not_judged else "bold green"
-    title = printable(f"{found.path}: {found.duration_s:,.1f} s, robot {of} by Lifeline")
-    yield Text(title, "bold").append("\n").append(printable(sentence(found)), style)
+    title = f"{found.path}: {found.duration_s:,.1f} s, robot {of} by Lifeline"
+    yield Text(printable(title), "bold").append("\n").append(printable(sentence(found)), style)
     table = facts()
     for name, value in (*_facts_of_places(found), *_facts_of_recording(found)):
         table.add_row(name, value)

@@ -6,6 +6,7 @@ The tables are written by hand, and not generated as the access control is.
 import asyncio
 import fcntl
 import os
+import shutil
 import sys
 from collections.abc import AsyncGenerator, Iterable
 from contextlib import asynccontextmanager
@@ -14,8 +15,11 @@ from pathlib import Path
 import pytest
 import zenoh
 
+from tests.system.harness import PATIENCE_S, robot
+from tests.system.namespaces import needs_namespaces
 from tests.system.ports import free_endpoint, participants
 from tests.system.rogue import open_rogue
+from wire import topics
 from wire.access import LOCAL_ROLES, Contract
 from wire.bus_config import BusConfig
 from wire.roles import Role
@@ -23,6 +27,7 @@ from wire.zenoh import connect, local_socket
 from wire.zenoh.connect import open_session
 from wire.zenoh.hub_proof import HubProof
 
+LIFELINE = Path(sys.executable).with_name("lifeline")
 ROLES = [Role.BASE, Role.SENSOR, Role.OPERATOR, Role.ESTOP, Role.VIEWER]
 CONTRACT = Contract(
     sources=("teleop", "joy"), lidars=("scan", "rear/scan"), more_keys=("camera/**",), stations=("door",)
@@ -430,6 +435,68 @@ async def test_a_restarted_hub_replaces_the_socket_of_a_killed_one() -> None:
         for session in (*clients, last):
             session.close()  # pyright: ignore[reportUnknownMemberType]
     assert not path.exists()
+
+
+async def test_a_supervisor_whose_socket_was_removed_ends_since_nobody_could_stop_the_robot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(local_socket.ENVIRONMENT, str(tmp_path / "run"))
+    async with robot(tmp_path) as subject:
+        await subject.drive()
+        shutil.rmtree(tmp_path / "run")
+        ended = asyncio.to_thread(subject.processes[topics.SUPERVISOR].wait, PATIENCE_S)
+        assert await ended == 1
+        assert "was removed, so no program can stop the robot" in (tmp_path / "supervisor.log").read_text()
+        subject.start(topics.SUPERVISOR)
+        await subject.drive()
+        press = await asyncio.create_subprocess_exec(LIFELINE, "estop", "--endpoint", subject.endpoint)
+        assert await asyncio.wait_for(press.wait(), PATIENCE_S) == 0
+
+
+@needs_namespaces
+async def test_hubs_in_two_network_namespaces_with_one_home_and_port_have_sockets_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = tmp_path / "run"
+    monkeypatch.setenv(local_socket.ENVIRONMENT, str(run))
+    hubs: list[asyncio.subprocess.Process] = []
+    try:
+        for number in (1, 2):
+            start = 'ip link set lo up; exec "$@"'
+            hub = await asyncio.create_subprocess_exec(
+                *(
+                    "unshare",
+                    "--net",
+                    "sh",
+                    "-c",
+                    start,
+                    "sh",
+                    sys.executable,
+                    "-c",
+                    HUB,
+                    "tcp/127.0.0.1:7447",
+                ),
+                stdout=asyncio.subprocess.PIPE,
+            )
+            hubs.append(hub)
+            assert hub.stdout is not None
+            assert await asyncio.wait_for(hub.stdout.readline(), LIMIT_S) == b"listens\n"
+            assert len(_answering(run)) == number
+        first, second = _answering(run)
+        hubs[1].kill()
+        await hubs[1].wait()
+        assert len(_answering(run)) == 1
+        local_socket.prepare(run / "1-7447.sock")
+        assert list(run.glob("*.sock")) == _answering(run), f"of {first} and {second}, only that of the hub"
+    finally:
+        for hub in hubs:
+            if hub.returncode is None:
+                hub.kill()
+                await hub.wait()
+
+
+def _answering(run: Path) -> list[Path]:
+    return [path for path in run.glob("*.sock") if local_socket.answers(path)]
 
 
 async def _all_at(clients: list[zenoh.Session], endpoint: str) -> None:

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import pytest
 
 from tests.system.harness import PATIENCE_S, Robot, robot
+from tests.system.ports import free_endpoint
 from tests.system.process_state import cpu_s, memory_bytes
 from wire import topics
 from wire.zenoh import limits
@@ -175,6 +176,26 @@ async def test_more_strangers_than_a_shell_permits_open_files_do_not_lock_a_clie
                 assert await asyncio.wait_for(connect(subject.endpoint), BESIDE_OTHER_TESTS.connect_s)
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+@pytest.mark.parametrize("open_files", [64, 100])
+def test_a_supervisor_that_may_open_too_few_files_refuses_to_start_and_names_the_limit(
+    open_files: int, tmp_path: Path
+) -> None:
+    subject = Robot(free_endpoint(), tmp_path)
+    command = f"ulimit -n {open_files}; exec {sys.executable} -m supervisor --endpoint {subject.endpoint}"
+    ended = subprocess.run(
+        ["sh", "-c", command],
+        env=subject.environment,
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert ended.returncode == 1
+    assert f"this process may open {open_files} files, but needs {limits.NEEDED_FILES}" in ended.stderr
+    assert "RLIMIT_NOFILE" in ended.stderr
+    assert "Traceback" not in ended.stderr
 
 
 async def test_a_supervisor_whose_memory_a_stranger_fills_ends_at_its_limit(tmp_path: Path) -> None:

@@ -111,6 +111,15 @@ def _remove(lock: Path) -> None:
         os.close(file)
 
 
+def identity(path: Path) -> tuple[int, int] | None:
+    """Return the device and inode at the path of a socket; None if nothing can be seen there."""
+    try:
+        found = path.lstat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
+
+
 def answers(path: Path) -> bool:
     """Return whether a hub listens on a socket; blocks for at most a second."""
     with socket.socket(socket.AF_UNIX) as probe:

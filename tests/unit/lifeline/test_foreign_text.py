@@ -9,6 +9,7 @@ from rich.console import Console, RenderableType
 from deploy.stack.console import StatusLine, note, say
 from deploy.stack.ros2_reports import Level
 from deploy.stack.ros2_reports import Report as Ros2Report
+from faults.real.demo import Outcome, Verdict, print_verdicts
 from faults.report.table import print_results, story
 from faults.trial import BrokenPromise, Injected
 from lifeline import status
@@ -126,6 +127,14 @@ def test_sentences_and_the_status_line(
     assert_harmless(stream.getvalue())
     line.show(HOSTILE)
     assert SHOWN in stream.getvalue()
+
+
+def test_the_verdicts_of_the_demo(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "400")
+    print_verdicts([Verdict(1, HOSTILE, HOSTILE, HOSTILE, Outcome.KEPT)])
+    assert_harmless(capsys.readouterr().out, 3)
 
 
 def test_the_results_of_a_campaign() -> None:

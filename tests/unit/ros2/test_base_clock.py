@@ -184,6 +184,23 @@ def test_a_base_in_simulated_time_that_runs_slowly_does_not_move_and_the_cause_i
     assert 'stamp = "zero"' in base.problem
 
 
+def test_a_clock_that_runs_slow_by_less_than_the_headers_show_is_named_when_it_stops_the_robot() -> None:
+    base = Base()
+    while base.is_proven or not base.now_s > 11.0:
+        assert base.now_s < 60.0
+        base.run(PERIOD_S, lambda now_s: WALL_S + 0.995 * now_s)
+    base.run(2.0 * STABLE_S, lambda now_s: WALL_S + 0.995 * now_s)
+    assert base.is_proven
+    assert "it has changed by -0.20 s" in base.problem
+    assert "its clock runs slow" in base.problem
+
+
+def test_a_step_of_the_clock_is_not_named_as_a_slow_one() -> None:
+    base = Base().run(1.0, ahead_by(0.0)).run(1.0, ahead_by(-5.0))
+    assert "it has changed by -5.00 s" in base.problem
+    assert "runs slow" not in base.problem
+
+
 def test_a_base_in_simulated_time_at_real_time_moves() -> None:
     base = Base().run(5.0, lambda now_s: now_s)
     assert base.clock.may_move(base.now_s)
