@@ -151,7 +151,7 @@ def new_station_address(state: StateDir, limit_s: float = ALIVE_LIMIT_S) -> str:
     before: int | None = None
     while time.monotonic() < deadline_s:
         with suppress(OSError):
-            addresses = STATION_ADDRESS.findall(state.log(STATION).read_text(errors="replace"))
+            addresses = STATION_ADDRESS.findall(state.end_of_log(STATION))
             if before is not None and len(addresses) > before:
                 return addresses[-1]
             if before is None and addresses:  # it has begun to listen for the signal

@@ -10,7 +10,7 @@ from heapq import heappop, heappush
 from pathlib import Path
 from typing import NamedTuple
 
-from mcap.reader import SeekingReader
+from mcap.records import Channel, Schema, Statistics
 from rosbags.rosbag2 import Reader
 
 from deploy.stack.errors import DeployError
@@ -84,17 +84,27 @@ class _Mcap(Source):
 
     def _index(self) -> dict[str, Found]:
         """Return the topics by the index at the end of the file; none if it has no valid index."""
+        schemas: dict[int, Schema] = {}
+        channels: dict[int, Channel] = {}
+        counts: dict[int, int] | None = None
         try:
-            with self.path.open("rb") as file:
-                summary = SeekingReader(file, record_size_limit=self.path.stat().st_size).get_summary()
+            for record in self._reader.summary():
+                match record:
+                    case Schema():
+                        schemas[record.id] = record
+                    case Channel():
+                        channels[record.id] = record
+                    case Statistics():
+                        counts = record.channel_message_counts
+                    case _:
+                        pass
         except Exception:  # noqa: BLE001 - a damaged index can raise any exception
             return {}
-        if summary is None or summary.statistics is None:
+        if counts is None:
             return {}
-        counts = summary.statistics.channel_message_counts
         found: dict[str, Found] = {}
-        for number, channel in summary.channels.items():
-            schema = summary.schemas.get(channel.schema_id)
+        for number, channel in channels.items():
+            schema = schemas.get(channel.schema_id)
             if channel.message_encoding == MESSAGE_ENCODING and schema is not None:
                 before = found[channel.topic].messages if channel.topic in found else 0
                 found[channel.topic] = Found(schema.name, before + counts.get(number, 0))
