@@ -14,7 +14,7 @@ import typer
 from typer.core import TyperArgument, TyperOption
 
 from deploy.stack.console import note
-from deploy.stack.errors import EXIT_REFUSED, DeployError
+from deploy.stack.errors import EXIT_REFUSED, DeployError, limit_of
 from wire.host.installation import how_to_install, missing_extra
 
 if TYPE_CHECKING:
@@ -156,6 +156,12 @@ def exit_with(run: Callable[[], int | None]) -> NoReturn:
         if extra is None:
             raise
         note(f"this needs an extra: {how_to_install(extra)}")
+        code = EXIT_REFUSED
+    except (OSError, MemoryError, RuntimeError) as error:
+        sentence = limit_of(error)
+        if sentence is None:
+            raise
+        note(sentence)
         code = EXIT_REFUSED
     except KeyboardInterrupt as interrupt:
         code = getattr(interrupt, "exit_code", 130)

@@ -6,6 +6,7 @@ messages of this time.
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Generator, Iterable
+from contextlib import contextmanager
 from heapq import heappop, heappush
 from pathlib import Path
 from typing import NamedTuple
@@ -18,12 +19,21 @@ from recordings.incidents.incident import IncidentError, damage_of, messages
 from recordings.recording import MAX_TIME_NS, MESSAGE_ENCODING, Recorded, RecordingReader
 from supervisor.blackbox.file import SUFFIX
 from supervisor.blackbox.reader import BlackBoxReader
+from wire.foreign import open_file, read_text
+from wire.host.process_limits import bounded_growth
 
 REORDER_S = 1.0
 SET_BACK_S = 10.0
 """A message this much earlier than one before it in the file shows that the clock was set back: the times go on after a pause."""
 PAUSE_S = 20.0
 COMPRESSED = (".zstd", ".zst", ".lz4")
+METADATA = "metadata.yaml"
+MAX_METADATA = 256 << 10
+"""Characters, for about 600 topics; 256 KiB of YAML can take 5 s."""
+MAX_GROWTH_BYTES = 512 << 20
+"""Of the memory, while a recording of rosbag2 is read."""
+MAX_EXPANSION = 100
+"""A file of rosbag2 that is compressed as a whole may expand by this factor, and to 1 GiB in any case."""
 MAX_WAITING = 2000
 """Messages that wait to be put in order."""
 
@@ -142,9 +152,27 @@ class BlackBoxSource(Source):
 class _Rosbag2(Source):
     """A SQLite file of rosbag2, or a folder with `metadata.yaml`."""
 
+    @contextmanager
+    def _opened(self) -> Generator[Reader]:
+        """Open the recording; what it expands to is bounded in memory, and on the disk of temporary files.
+
+        Raises:
+            Exception: it cannot be read.
+        """
+        within = (
+            [one for one in self.path.iterdir() if not one.is_dir()] if self.path.is_dir() else [self.path]
+        )
+        for file in within:
+            open_file(file).close()
+        if self.path.is_dir() and len(read_text(self.path / METADATA)) > MAX_METADATA:
+            raise ValueError(f"{METADATA} is larger than {MAX_METADATA >> 10} KiB")
+        size = sum(file.stat().st_size for file in within)
+        with bounded_growth(MAX_GROWTH_BYTES, (1 << 30) + MAX_EXPANSION * size), Reader(self.path) as reader:
+            yield reader
+
     def topics(self) -> dict[str, Found]:
         try:
-            with Reader(self.path) as reader:
+            with self._opened() as reader:
                 found: dict[str, Found] = {}
                 for one in reader.connections:
                     before = found[one.topic].messages if one.topic in found else 0
@@ -159,7 +187,7 @@ class _Rosbag2(Source):
 
     def messages(self, wanted: Collection[str]) -> Generator[Recorded]:
         try:
-            with Reader(self.path) as reader:
+            with self._opened() as reader:
                 chosen = [one for one in reader.connections if one.topic in wanted]
                 for connection, time_ns, payload in reader.messages(chosen) if chosen else ():
                     if not 0 <= time_ns <= MAX_TIME_NS:

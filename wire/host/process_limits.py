@@ -8,7 +8,12 @@ import struct
 import sys
 import threading
 import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
 
+DATA_PAGES = 5
+"""The place of the writable memory, in pages, in /proc/self/statm."""
 LINGER_PERIOD_S = 0.1
 _NO_LINGER = struct.pack("ii", 0, 0)
 
@@ -35,6 +40,21 @@ def bound_memory(limit_bytes: int) -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
     bounds = [limit for limit in (limit_bytes, soft, hard) if limit != resource.RLIM_INFINITY]
     resource.setrlimit(resource.RLIMIT_DATA, (min(bounds), hard))
+
+
+@contextmanager
+def bounded_growth(memory_bytes: int, file_bytes: int) -> Generator[None]:
+    """Let allocations fail that make the memory of this process grow by more, and writes to longer files, until the context ends."""
+    used = int(Path("/proc/self/statm").read_text().split()[DATA_PAGES]) * resource.getpagesize()
+    before = {kind: resource.getrlimit(kind) for kind in (resource.RLIMIT_DATA, resource.RLIMIT_FSIZE)}
+    for (kind, limits), wanted in zip(before.items(), (used + memory_bytes, file_bytes), strict=True):
+        bounds = [limit for limit in (wanted, *limits) if limit != resource.RLIM_INFINITY]
+        resource.setrlimit(kind, (min(bounds), limits[1]))
+    try:
+        yield
+    finally:
+        for kind, limits in before.items():
+            resource.setrlimit(kind, limits)
 
 
 def never_linger() -> None:
