@@ -33,7 +33,8 @@ MAX_METADATA = 256 << 10
 MAX_GROWTH_BYTES = 512 << 20
 """Of the memory, while a recording of rosbag2 is read."""
 MAX_EXPANSION = 100
-"""A file of rosbag2 that is compressed as a whole may expand by this factor, and to 1 GiB in any case."""
+ALWAYS_BYTES = 1 << 30
+"""A file of rosbag2 that is compressed as a whole may expand to this size, and by this factor."""
 MAX_WAITING = 2000
 """Messages that wait to be put in order."""
 
@@ -167,7 +168,10 @@ class _Rosbag2(Source):
         if self.path.is_dir() and len(read_text(self.path / METADATA)) > MAX_METADATA:
             raise ValueError(f"{METADATA} is larger than {MAX_METADATA >> 10} KiB")
         size = sum(file.stat().st_size for file in within)
-        with bounded_growth(MAX_GROWTH_BYTES, (1 << 30) + MAX_EXPANSION * size), Reader(self.path) as reader:
+        with (
+            bounded_growth(MAX_GROWTH_BYTES, ALWAYS_BYTES + MAX_EXPANSION * size),
+            Reader(self.path) as reader,
+        ):
             yield reader
 
     def topics(self) -> dict[str, Found]:
