@@ -14,8 +14,9 @@ import typer
 from typer.core import TyperArgument, TyperOption
 
 from deploy.stack.console import note
-from deploy.stack.errors import EXIT_REFUSED, DeployError, limit_of
+from deploy.stack.errors import EXIT_REFUSED, DeployError
 from wire.host.installation import how_to_install, missing_extra
+from wire.host.process_limits import limit_of
 
 if TYPE_CHECKING:
     from deploy.stack.launch import Launch

@@ -19,6 +19,9 @@ MAX_BYTES = 4 << 20
 MAX_KEY_PARTS = 8
 """Of a key of TOML, such as the three of a.b.c; tomllib takes quadratic time and memory for them."""
 
+NUL = re.compile(r"\\(?:u0000|U00000000)")
+"""The escaped character of TOML, which refuses the character itself."""
+
 _NEXT_PART = r"""\.[ \t]*+(?:[A-Za-z0-9_-]++|"(?:[^"\\\n]++|\\[^\n])*+"|'[^'\n]*+')[ \t]*+"""
 _SHORT_KEYS = re.compile(
     rf"""(?:
@@ -92,9 +95,11 @@ def from_toml(text: str) -> dict[str, Any]:
     """Return the tables of a TOML text; its numbers are as they are written, and each integer has at most `MAX_DIGITS` digits.
 
     Raises:
-        ForeignError: it is not TOML, is nested too deeply, or has a key of more than `MAX_KEY_PARTS` parts.
+        ForeignError: it is not TOML, is nested too deeply, has the character NUL, or has a key of more than `MAX_KEY_PARTS` parts.
     """
     refuse_long_keys(text)
+    if NUL.search(text) is not None:
+        raise ForeignError("it has the character NUL, which no name has")
     return _bounded(lambda: tomllib.loads(text))
 
 

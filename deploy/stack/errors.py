@@ -15,8 +15,6 @@
 signals before it raises.
 """
 
-import errno
-import os
 import signal
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -24,39 +22,12 @@ from types import FrameType
 
 EXIT_REFUSED = 2
 EXIT_NOT_RUNNING = 3
-NO_THREAD = "can't start new thread"
-"""The message of Python's RuntimeError."""
-REMEDIES = (
-    dict.fromkeys((errno.ENOSPC, errno.EDQUOT), "free some space, or choose another directory")
-    | dict.fromkeys((errno.EMFILE, errno.ENFILE), "raise the limit of open files (`ulimit -n`)")
-    | dict.fromkeys(
-        (errno.EAGAIN, errno.ENOMEM),
-        "end other programs, or raise the limits of processes and memory (`ulimit -u`, `ulimit -v`)",
-    )
-    | dict.fromkeys(
-        (errno.EACCES, errno.EPERM, errno.EROFS), "correct its permissions, or choose another directory"
-    )
-)
-"""What to do if the machine refuses more."""
 
 
 class DeployError(Exception):
     """The command cannot be executed; the message gives the cause and the remedy."""
 
     exit_code = EXIT_REFUSED
-
-
-def limit_of(error: Exception) -> str | None:
-    """Return in one sentence which limit of the machine an error shows and what to do; None if it shows none."""
-    number = error.errno if isinstance(error, OSError) else None
-    if isinstance(error, MemoryError) or (isinstance(error, RuntimeError) and NO_THREAD in str(error)):
-        number = errno.EAGAIN
-    if number == errno.ENOENT and isinstance(error, OSError) and error.filename is None:
-        return "the working directory no longer exists: change to another with `cd`"
-    if number not in REMEDIES:
-        return None
-    name = getattr(error, "filename", None)
-    return f"{'' if name is None else f'{name}: '}{os.strerror(number)}: {REMEDIES[number]}"
 
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

@@ -1,6 +1,7 @@
-"""Limits of this process that the kernel enforces: open files, memory, and the time that a closing socket may block."""
+"""Limits of this process that the kernel enforces: open files, memory, and the time that a closing socket may block; what to do at a limit."""
 
 import ctypes
+import errno
 import os
 import resource
 import socket
@@ -15,7 +16,34 @@ from pathlib import Path
 DATA_PAGES = 5
 """The place of the writable memory, in pages, in /proc/self/statm."""
 LINGER_PERIOD_S = 0.1
+NO_THREAD = "can't start new thread"
+"""The message of Python's RuntimeError."""
+REMEDIES = (
+    dict.fromkeys((errno.ENOSPC, errno.EDQUOT), "free some space, or choose another directory")
+    | dict.fromkeys((errno.EMFILE, errno.ENFILE), "raise the limit of open files (`ulimit -n`)")
+    | dict.fromkeys(
+        (errno.EAGAIN, errno.ENOMEM),
+        "end other programs, or raise the limits of processes and memory (`ulimit -u`, `ulimit -v`)",
+    )
+    | dict.fromkeys(
+        (errno.EACCES, errno.EPERM, errno.EROFS), "correct its permissions, or choose another directory"
+    )
+)
+"""What to do if the machine refuses more."""
 _NO_LINGER = struct.pack("ii", 0, 0)
+
+
+def limit_of(error: Exception) -> str | None:
+    """Return in one sentence which limit of the machine an error shows and what to do; None if it shows none."""
+    number = error.errno if isinstance(error, OSError) else None
+    if isinstance(error, MemoryError) or (isinstance(error, RuntimeError) and NO_THREAD in str(error)):
+        number = errno.EAGAIN
+    if number == errno.ENOENT and isinstance(error, OSError) and error.filename is None:
+        return "the working directory no longer exists: change to another with `cd`"
+    if number not in REMEDIES:
+        return None
+    name = getattr(error, "filename", None)
+    return f"{'' if name is None else f'{name}: '}{os.strerror(number)}: {REMEDIES[number]}"
 
 
 def raise_open_files(wanted: int) -> int:

@@ -134,3 +134,9 @@ def test_the_search_for_keys_of_too_many_parts_takes_linear_time(part: str) -> N
 
     with suppress(ForeignError):
         assert min(seconds(400_000) for _ in range(3)) < 0.02 + 20 * min(seconds(40_000) for _ in range(3))
+
+
+@pytest.mark.parametrize("escape", ["\\u0000", "\\U00000000"])
+def test_the_character_nul_is_refused_in_toml(escape: str) -> None:
+    with pytest.raises(ForeignError, match="the character NUL"):
+        from_toml(f'keys = "a{escape}b"')
