@@ -96,7 +96,8 @@ def appending(out: Path | None, origin: Provenance | None = None) -> Generator[C
         file = out.open("a+b")
         _cut_incomplete_line(file)
     except OSError as error:
-        raise DeployError(f"cannot write {out}: {error.strerror}") from error
+        why = error.strerror or "it is a pipe or a device, not a file"
+        raise DeployError(f"cannot write {out}: {why}") from error
     begun, unsigned = origin or provenance_of_this_command(), False
 
     def append(line: str) -> None:

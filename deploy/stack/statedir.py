@@ -91,7 +91,7 @@ class StateDir:
             raise DeployError(refused)
 
     def forget(self) -> None:
-        """Remove the socket, pid file and record of a running stack, and keep the logs.
+        """Remove the socket, pid file and record of a running stack, and keep the logs; a pipe in the place of a log would block.
 
         Raises:
             UnwritableError: a file cannot be removed.
@@ -99,6 +99,8 @@ class StateDir:
         try:
             for path in (self.socket, self.pid_file, self.record):
                 path.unlink(missing_ok=True)
+            if self.log("supervisord").is_fifo():
+                self.log("supervisord").unlink()
         except OSError as error:
             raise UnwritableError(self, error) from error
 
