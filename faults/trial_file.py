@@ -15,8 +15,11 @@ from typing import IO
 
 from deploy.stack.errors import DeployError
 from faults.trial import PROVENANCE_BEGINS, Provenance, Trial, parse
+from wire.foreign import open_file
 
 GIT_LIMIT_S = 10.0
+MAX_LINE_BYTES = 64 << 20
+"""Of one trial, with its timeline."""
 
 
 def read_trials(path: Path) -> Iterator[Trial]:
@@ -54,11 +57,13 @@ def whole_lines(path: Path, what: str) -> Iterator[str]:
         DeployError: the file cannot be read.
     """
     try:
-        with gzip.open(path, "rb") if path.suffix == ".gz" else path.open("rb") as file:
-            for line in file:
+        with open_file(path) as raw, gzip.open(raw) if path.suffix == ".gz" else raw as file:
+            while line := file.readline(MAX_LINE_BYTES):
                 if line.endswith(b"\n"):
                     yield line.decode()
-    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
+                elif len(line) == MAX_LINE_BYTES:
+                    raise ValueError(f"a line is longer than {MAX_LINE_BYTES >> 20} MiB")  # noqa: TRY301 - ends the reading
+    except (OSError, EOFError, zlib.error, ValueError) as error:
         raise DeployError(f"cannot read {what} in {path}: {error}") from error
 
 
@@ -91,7 +96,8 @@ def appending(out: Path | None, origin: Provenance | None = None) -> Generator[C
         file = out.open("a+b")
         _cut_incomplete_line(file)
     except OSError as error:
-        raise DeployError(f"cannot write {out}: {error.strerror}") from error
+        why = error.strerror or "it is a pipe or a device, not a file"
+        raise DeployError(f"cannot write {out}: {why}") from error
     begun, unsigned = origin or provenance_of_this_command(), False
 
     def append(line: str) -> None:

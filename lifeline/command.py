@@ -16,6 +16,7 @@ from typer.core import TyperArgument, TyperOption
 from deploy.stack.console import note
 from deploy.stack.errors import EXIT_REFUSED, DeployError
 from wire.host.installation import how_to_install, missing_extra
+from wire.host.process_limits import limit_of
 
 if TYPE_CHECKING:
     from deploy.stack.launch import Launch
@@ -156,6 +157,12 @@ def exit_with(run: Callable[[], int | None]) -> NoReturn:
         if extra is None:
             raise
         note(f"this needs an extra: {how_to_install(extra)}")
+        code = EXIT_REFUSED
+    except (OSError, MemoryError, RuntimeError) as error:
+        sentence = limit_of(error)
+        if sentence is None:
+            raise
+        note(sentence)
         code = EXIT_REFUSED
     except KeyboardInterrupt as interrupt:
         code = getattr(interrupt, "exit_code", 130)

@@ -12,6 +12,7 @@ from deploy.stack.errors import DeployError
 from wire import tls
 from wire.access import Contract
 from wire.bus import BusError
+from wire.foreign import ForeignError, read_text
 from wire.host.config import (
     ConfigError,
     Conflict,
@@ -93,8 +94,8 @@ def router_config(
 
 def _read_names(path: Path) -> list[str]:
     try:
-        lines = path.read_text("utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+        lines = read_text(path).splitlines()
+    except (OSError, ForeignError) as error:
         raise DeployError(f"cannot read the names of the robots in {path}: {error}") from error
     return [name for line in lines if (name := line.partition("#")[0].strip())]
 

@@ -2,18 +2,25 @@
 
 The MCAP writer buffers messages in a chunk. The recorder calls `flush` each second, which finishes the chunk, so
 that at most one second is lost if it is killed. The reader starts at the beginning and needs no index, so that a
-truncated file is readable up to where it was cut.
+truncated file is readable up to where it was cut. Its memory is bounded by `MAX_CHUNK_BYTES`.
 """
 
+import zlib
 from collections.abc import Iterator
+from io import SEEK_END, BufferedReader, BytesIO
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
-from mcap.records import Channel, Message, Schema
+import lz4.frame
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
+from zstandard import ZstdDecompressor
 
 from deploy.stack.errors import DeployError
+from wire.foreign import open_file
 from wire.messages import definition
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -21,6 +28,10 @@ PROFILE, LIBRARY = "ros2", "lifeline"
 MESSAGE_ENCODING, SCHEMA_ENCODING = "cdr", "ros2msg"
 NO_QOS = "[]"
 """What all versions of rosbag2 write if no QoS was offered; rosbag2 then plays with its default QoS."""
+MAX_CHUNK_BYTES = 64 << 20
+"""Of a chunk, compressed or not, and of any other record. rosbag2 writes chunks of about 1 MB, or of one larger message."""
+FOOTER_BYTES = 1 + 8 + 20 + len(MAGIC)
+"""From the beginning of the last record to the end of the file."""
 MAX_SEQUENCE = 1 << 32
 MAX_TIME_NS = (1 << 63) - 1
 """The largest time that tools for recordings accept; MCAP has one bit more."""
@@ -133,9 +144,7 @@ class RecordingReader:
         self.cut = False
         """Whether the end is missing or damaged; valid after all messages have been read."""
         try:
-            if path.is_fifo():
-                raise RecordingError(f"{path} is a pipe: name a recording")
-            with path.open("rb") as file:
+            with open_file(path) as file:
                 magic = file.read(len(MAGIC))
         except OSError as error:
             raise RecordingError(f"cannot read {path} ({error.strerror}): name a recording") from error
@@ -148,10 +157,9 @@ class RecordingReader:
         """Yield every message, in the order of the file."""
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
-        with self.path.open("rb") as file:
-            size = self.path.stat().st_size
+        with _Bounded(self.path) as file:
             try:
-                for record in StreamReader(file, validate_crcs=True, record_size_limit=size).records:
+                for record in _unpacked(StreamReader(file, validate_crcs=True, emit_chunks=True).records):
                     match record:
                         case Schema():
                             schemas[record.id] = record
@@ -167,8 +175,82 @@ class RecordingReader:
                                 yield Recorded(channel.topic, schema.name, time_ns, sequence, record.data)
                         case _:
                             pass
+            except RecordingError as error:
+                raise RecordingError(f"{self.path} {error}: record it again with smaller chunks") from error
             except Exception:  # noqa: BLE001 - a truncated record can raise any exception
                 self.cut = True
+
+    def summary(self) -> Iterator[McapRecord]:
+        """Yield the records of the index at the end of the file; none if it has no index.
+
+        Raises:
+            Exception: the index is damaged.
+        """
+        with _Bounded(self.path) as file:
+            file.seek(-FOOTER_BYTES, SEEK_END)
+            footer = next(StreamReader(file, skip_magic=True, emit_chunks=True).records)
+            if isinstance(footer, Footer) and footer.summary_start:
+                file.seek(footer.summary_start)
+                yield from StreamReader(file, skip_magic=True, emit_chunks=True).records
+
+
+class _Bounded(BufferedReader):
+    """A file of which no part larger than `MAX_CHUNK_BYTES` is read at once, whatever length a record claims."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(open_file(path).detach())  # pyright: ignore[reportAttributeAccessIssue, reportUnknownMemberType, reportUnknownArgumentType]
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        if size is None or not 0 <= size <= MAX_CHUNK_BYTES:
+            raise ValueError(f"a part of {size} bytes")
+        return super().read(size)
+
+
+def _unpacked(records: Iterator[McapRecord]) -> Iterator[McapRecord]:
+    """Yield the records, with those of each chunk in its place."""
+    for record in records:
+        if isinstance(record, Chunk):
+            yield from _records_of(record)
+        else:
+            yield record
+
+
+def _records_of(chunk: Chunk) -> Iterator[McapRecord]:
+    if chunk.uncompressed_size > MAX_CHUNK_BYTES:
+        raise RecordingError(
+            f"has a chunk of {chunk.uncompressed_size >> 20} MiB, more than {MAX_CHUNK_BYTES >> 20} MiB"
+        )
+    content = _content_of(chunk)
+    if chunk.uncompressed_crc not in (0, zlib.crc32(content)):
+        raise ValueError("the checksum of a chunk is wrong")
+    stream = ReadDataStream(BytesIO(content))
+    while stream.count < len(content):
+        opcode, length = stream.read1(), stream.read8()
+        match opcode:
+            case Opcode.SCHEMA:
+                yield Schema.read(stream)
+            case Opcode.CHANNEL:
+                yield Channel.read(stream)
+            case Opcode.MESSAGE:
+                yield Message.read(stream, length)
+            case _:
+                raise ValueError(f"a record {opcode} in a chunk")
+
+
+def _content_of(chunk: Chunk) -> bytes:
+    """Return the uncompressed records of a chunk; what it holds beyond its size is not expanded."""
+    size = chunk.uncompressed_size
+    match chunk.compression:
+        case "zstd":
+            content = ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
+        case "lz4":
+            unpacker = cast("Any", lz4.frame).LZ4FrameDecompressor()
+            content = cast("bytes", unpacker.decompress(chunk.data, max_length=size + 1))
+        case _:
+            content = chunk.data
+    if len(content) != size:
+        raise ValueError(f"a chunk of {size} bytes has another size")
+    return content
 
 
 def exists(path: Path) -> RecordingError:

@@ -15,7 +15,6 @@ import logging
 import math
 import os
 import queue
-import stat
 import threading
 from dataclasses import replace
 from pathlib import Path
@@ -30,6 +29,7 @@ from supervisor.law.base_braking import (
     Braking,
 )
 from supervisor.law.model import LawConfig
+from wire.foreign import open_file
 from wire.ownership import make_directory, open_own, refusal, synchronise
 from wire.text import printable
 
@@ -79,13 +79,10 @@ class BaseFile:
             ValueError: it is not trusted, damaged, or of another configuration; the message says which.
         """
         try:
-            file = open_own(self.path, os.O_RDONLY | os.O_NONBLOCK)
+            with open_file(self.path, open_own) as file:
+                content = file.read(MAX_BYTES + 1)
         except FileNotFoundError:
             return Shown()
-        with open(file, "rb") as opened:  # noqa: PTH123 - a descriptor
-            if not stat.S_ISREG(os.fstat(file).st_mode):
-                raise ValueError("it is no file")
-            content = opened.read(MAX_BYTES + 1)
         refused = refusal(self._directory) or refusal(self.path)
         if refused is not None:
             raise ValueError(refused)

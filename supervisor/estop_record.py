@@ -29,6 +29,7 @@ from enum import Enum, auto
 from pathlib import Path
 from typing import NamedTuple
 
+from wire.foreign import open_file
 from wire.ownership import make_directory, open_lock, open_own, refusal, synchronise
 from wire.text import printable
 
@@ -44,7 +45,7 @@ To clear it, start the robot, release the controls, and reset the e-stop: key r 
 
 PRESSED = "pressed by"
 """Begins the last line: who pressed and when."""
-MAX_CHARACTERS = 1024
+MAX_BYTES = 1024
 """How much of a record is read: the status repeats its last line, and damage may make the file of any size."""
 
 NOT_RECORDED = "the e-stop cannot be recorded"
@@ -75,11 +76,8 @@ def is_recorded(directory: Path, namespace: str) -> bool:
 def pressed_by(directory: Path, namespace: str) -> str:
     """Return who pressed the recorded e-stop and when, such as "pressed by teleop, 2026-11-26 14:20:05"; empty if unknown."""
     path = record_path(directory, namespace)
-    with suppress(OSError):
-        if not path.is_file():
-            return ""
-        with path.open(errors="replace") as file:
-            lines = file.read(MAX_CHARACTERS).splitlines()
+    with suppress(OSError), open_file(path) as file:
+        lines = file.read(MAX_BYTES).decode(errors="replace").splitlines()
         return printable(lines[-1]) if lines and lines[-1].startswith(PRESSED) else ""
     return ""
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
+from wire.foreign import ForeignError, read_text
 from wire.ownership import CHANGE, ENTER, refusal
 from wire.roles import ANY, SERVERS, Role, role_of
 
@@ -67,9 +68,15 @@ def read_bundle(directory: Path, now_s: float) -> Bundle:
             raise BundleError(f"{path} is missing: copy the whole bundle again, or {HOW_TO_ISSUE}")
         _refuse_shared(path)
     try:
+        for path in (authority, certificate, key):
+            read_text(path)  # OpenSSL would wait for a pipe
         fields = _fields(authority, certificate, key)
     except OSError as error:  # among them the errors of ssl
         raise BundleError(_unreadable(directory, authority, error)) from error
+    except ForeignError as error:
+        raise BundleError(
+            f"a file in {directory} is damaged ({error}): copy the whole bundle again"
+        ) from error
     subject = {name: value for part in fields["subject"] for name, value in part}
     known = role_of(subject.get("commonName", ""))
     if known is None:

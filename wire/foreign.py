@@ -1,21 +1,68 @@
-"""JSON and TOML that others wrote, such as files: bounded size, depth and numbers, and exactly one kind of error."""
+"""Files, JSON and TOML that others wrote: regular files only, bounded size, depth and numbers, and exactly one kind of error."""
 
+import errno
 import json
 import math
+import os
+import re
+import stat
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, cast
+from typing import IO, Any, cast
 
 MAX_DEPTH = 64
 MAX_DIGITS = 20
 """Of an integer: enough for 64 bits."""
 MAX_BYTES = 4 << 20
 """Of a whole file; a configuration or a record has a few kilobytes."""
+MAX_KEY_PARTS = 8
+"""Of a key of TOML, such as the three of a.b.c; tomllib takes quadratic time and memory for them."""
+
+NUL = re.compile(r"\\(?:u0000|U00000000)")
+"""The escaped character of TOML, which refuses the character itself."""
+
+_NEXT_PART = r"""\.[ \t]*+(?:[A-Za-z0-9_-]++|"(?:[^"\\\n]++|\\[^\n])*+"|'[^'\n]*+')[ \t]*+"""
+_SHORT_KEYS = re.compile(
+    rf"""(?:
+        [^"'\#.]++
+      | \#[^\n]*+
+      | \"{{3}}(?:[^"\\]++|\\.|"(?!""))*+"{{3,5}}+
+      | '{{3}}(?:[^']++|'(?!''))*+'{{3,5}}+
+      | "(?!"")(?:[^"\\\n]++|\\[^\n])*+"
+      | '(?!'')[^'\n]*+'
+      | (?:{_NEXT_PART}){{1,{MAX_KEY_PARTS - 1}}}+(?!{_NEXT_PART})
+    )*+""",
+    re.VERBOSE | re.DOTALL,
+)
+"""Matches TOML up to the first key with too many parts, or the first place that is not TOML, in linear time."""
+_LONG_KEY = re.compile(rf"(?:{_NEXT_PART}){{{MAX_KEY_PARTS}}}")
 
 
 class ForeignError(ValueError):
     """The content cannot be used; the message says why."""
+
+
+def open_file(path: Path, opener: Callable[[str, int], int] = os.open) -> IO[bytes]:
+    """Open a file for reading.
+
+    Args:
+        path: the file.
+        opener: opens it, with its path and flags.
+
+    Raises:
+        OSError: it cannot be read, or is no regular file: a pipe or a device can block, and a device may have no end.
+    """
+    at_once = os.O_NONBLOCK | os.O_NOCTTY
+    file = open(path, "rb", opener=lambda name, flags: opener(name, flags | at_once))  # noqa: SIM115 - the caller closes it; Path.open has no opener
+    try:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise OSError(errno.EINVAL, "it is a pipe or a device, not a file", str(path))  # noqa: TRY301 - closes it
+        os.pread(file.fileno(), 1, 0)  # some files of /proc would block; this one then raises
+    except BaseException:
+        file.close()
+        raise
+    return file
 
 
 def read_text(path: Path) -> str:
@@ -25,9 +72,7 @@ def read_text(path: Path) -> str:
         OSError: the file cannot be read.
         ForeignError: it is too large, or is not text.
     """
-    if path.is_fifo():
-        raise ForeignError("it is a pipe, and would be waited for")
-    with path.open("rb") as file:
+    with open_file(path) as file:
         content = file.read(MAX_BYTES + 1)
     if len(content) > MAX_BYTES:
         raise ForeignError(f"it is larger than {MAX_BYTES >> 20} MiB")
@@ -47,18 +92,35 @@ def from_json(text: str) -> Any:  # noqa: ANN401 - any JSON value
 
 
 def from_toml(text: str) -> dict[str, Any]:
-    """Return the tables of a TOML text; its numbers are as they are written.
+    """Return the tables of a TOML text; its numbers are as they are written, and each integer has at most `MAX_DIGITS` digits.
 
     Raises:
-        ForeignError: it is not TOML, or is nested too deeply.
+        ForeignError: it is not TOML, is nested too deeply, has the character NUL, or has a key of more than `MAX_KEY_PARTS` parts.
     """
+    refuse_long_keys(text)
+    if NUL.search(text) is not None:
+        raise ForeignError("it has the character NUL, which no name has")
     return _bounded(lambda: tomllib.loads(text))
+
+
+def refuse_long_keys(text: str) -> None:
+    """Refuse a text of TOML, or a damaged one, with a key of more than `MAX_KEY_PARTS` parts.
+
+    Raises:
+        ForeignError: it has such a key; names its line.
+    """
+    short = _SHORT_KEYS.match(text)
+    if short is not None and _LONG_KEY.match(text, short.end()) is not None:
+        line = text.count("\n", 0, short.end()) + 1
+        raise ForeignError(
+            f"it is nested too deeply: a key in line {line} has more than {MAX_KEY_PARTS} parts"
+        )
 
 
 def _bounded(load: Callable[[], Any]) -> Any:  # noqa: ANN401 - as the two above
     try:
         document = load()
-        _check_depth(document, MAX_DEPTH)
+        _check(document, MAX_DEPTH)
     except RecursionError as error:
         raise ForeignError("it is nested too deeply") from error
     except ValueError as error:  # an integer of thousands of digits is not a TOMLDecodeError
@@ -79,7 +141,9 @@ def _finite(digits: str) -> float:
     return number
 
 
-def _check_depth(value: object, levels: int) -> None:
+def _check(value: object, levels: int) -> None:
+    if isinstance(value, int) and abs(value) >= 10**MAX_DIGITS:  # of TOML, perhaps too large to print
+        raise ForeignError(f"an integer has more than {MAX_DIGITS} digits")
     if not isinstance(value, dict | list):
         return
     if levels == 0:
@@ -88,4 +152,4 @@ def _check_depth(value: object, levels: int) -> None:
         cast("dict[str, object]", value).values() if isinstance(value, dict) else cast("list[object]", value)
     )
     for item in items:
-        _check_depth(item, levels - 1)
+        _check(item, levels - 1)

@@ -52,11 +52,16 @@ class Folder:
             raise DeployError(f"there is no authority in {self.path}: run `lifeline keys init` first")
         try:
             return (
-                (self._authority / AUTHORITY).read_bytes(),
-                (self._authority / f"authority{KEY_SUFFIX}").read_bytes(),
+                foreign.read_text(self._authority / AUTHORITY).encode(),
+                foreign.read_text(self._authority / f"authority{KEY_SUFFIX}").encode(),
             )
         except OSError as error:
             raise DeployError(f"cannot read the authority: {error.filename}: {error.strerror}") from error
+        except foreign.ForeignError as error:
+            raise DeployError(
+                f"the authority in {self.path} is damaged: {error}; restore it from a backup, or make a new one with "
+                "`lifeline keys init --replace`"
+            ) from error
 
     def put_authority(self, certificate: bytes, key: bytes) -> None:
         """Write a new authority in the place of any earlier one."""

@@ -11,7 +11,7 @@ from deploy.stack.errors import DeployError, held_back
 from deploy.stack.launch import Launch, check_endpoint_is_free
 from deploy.stack.reach import observing
 from deploy.stack.robot_file import read_robot
-from deploy.stack.statedir import StateDir
+from deploy.stack.statedir import StateDir, UnwritableError
 from deploy.stack.takedown import Say, listed
 from wire import topics
 from wire.host.config import ConfigError, read_toml
@@ -62,7 +62,10 @@ def start(state: StateDir, launch: Launch, say: Say) -> None:
     uv = supervisord.find_uv()
     for node in (*launch.nodes, STATION):
         state.log(node).unlink(missing_ok=True)
-    state.record.write_text(json.dumps(launch.to_record()))
+    try:
+        state.record.write_text(json.dumps(launch.to_record()))
+    except OSError as error:
+        raise UnwritableError(state, error) from error
     supervisord.start(uv, state, launch, say)
 
 
@@ -151,7 +154,7 @@ def new_station_address(state: StateDir, limit_s: float = ALIVE_LIMIT_S) -> str:
     before: int | None = None
     while time.monotonic() < deadline_s:
         with suppress(OSError):
-            addresses = STATION_ADDRESS.findall(state.log(STATION).read_text(errors="replace"))
+            addresses = STATION_ADDRESS.findall(state.end_of_log(STATION))
             if before is not None and len(addresses) > before:
                 return addresses[-1]
             if before is None and addresses:  # it has begun to listen for the signal

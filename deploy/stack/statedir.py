@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from deploy.stack.errors import DeployError
-from wire.foreign import ForeignError, from_json, read_text
+from wire.foreign import MAX_BYTES, ForeignError, from_json, open_file, read_text
 from wire.host.config import ConfigError, absolute
 from wire.host.installation import ENVIRONMENT, state_directory
 from wire.ownership import make_directory, open_lock, refusal
@@ -91,7 +91,7 @@ class StateDir:
             raise DeployError(refused)
 
     def forget(self) -> None:
-        """Remove the socket, pid file and record of a running stack, and keep the logs.
+        """Remove the socket, pid file and record of a running stack, and keep the logs; a pipe in the place of a log would block.
 
         Raises:
             UnwritableError: a file cannot be removed.
@@ -99,13 +99,21 @@ class StateDir:
         try:
             for path in (self.socket, self.pid_file, self.record):
                 path.unlink(missing_ok=True)
+            if self.log("supervisord").is_fifo():
+                self.log("supervisord").unlink()
         except OSError as error:
             raise UnwritableError(self, error) from error
 
     def last_lines(self, program: str) -> str:
         """Return the end of a program's log, indented; empty if there is no log."""
+        return indented(self.end_of_log(program))
+
+    def end_of_log(self, program: str) -> str:
+        """Return the end of a program's log, at most `MAX_BYTES`; empty if there is no log."""
         try:
-            return indented(self.log(program).read_text(errors="replace"))
+            with open_file(self.log(program)) as file:
+                file.seek(-min(MAX_BYTES, file.seek(0, os.SEEK_END)), os.SEEK_END)
+                return file.read(MAX_BYTES).decode(errors="replace")
         except OSError:
             return ""
 

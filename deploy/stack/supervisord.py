@@ -182,11 +182,7 @@ def programs(state: StateDir) -> list[Program] | None:
 
 def hangs(state: StateDir) -> list[tuple[str, str]]:
     """Return when a program hung and was ended since supervisord started, and which one; empty if there is no log."""
-    try:
-        log = state.log("supervisord").read_text(errors="replace")
-    except OSError:
-        return []
-    return HUNG.findall(log.rpartition(BEGIN_OF_LOG)[2])
+    return HUNG.findall(state.end_of_log("supervisord").rpartition(BEGIN_OF_LOG)[2])
 
 
 def shutdown(state: StateDir) -> bool:

@@ -4,9 +4,11 @@ The commands are in drive.py, look.py, stops.py, prove.py and sites.py, one file
 """
 
 import os
+import re
 import sys
 import traceback
 from contextlib import suppress
+from io import TextIOWrapper
 from typing import Annotated, NoReturn
 
 import typer
@@ -31,6 +33,9 @@ PARTS = {
     "Shell": shell_app,
 }
 """The panels of the help, with their commands."""
+
+SIZE = re.compile("[1-9][0-9]{0,3}")
+"""Of a terminal, in characters."""
 
 COMPLETED = {
     "bash": "",
@@ -76,10 +81,21 @@ for title, part in PARTS.items():
     app.add_typer(part)
 
 
+def _adapt_to_terminal() -> None:
+    """Replace characters that the output cannot encode, and ignore sizes of a terminal that no text fits."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    for name in ("COLUMNS", "LINES"):
+        if SIZE.fullmatch(os.environ.get(name, "")) is None:
+            os.environ.pop(name, None)
+
+
 def main() -> NoReturn:
     """Run the command, and exit without the interpreter's shutdown, which can hang if a session is open."""
     code = 1
     default_until_handled()
+    _adapt_to_terminal()
     try:
         app(prog_name="lifeline")
     except SystemExit as end:

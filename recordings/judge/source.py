@@ -6,11 +6,12 @@ messages of this time.
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Generator, Iterable
+from contextlib import contextmanager
 from heapq import heappop, heappush
 from pathlib import Path
 from typing import NamedTuple
 
-from mcap.reader import SeekingReader
+from mcap.records import Channel, Schema, Statistics
 from rosbags.rosbag2 import Reader
 
 from deploy.stack.errors import DeployError
@@ -18,12 +19,22 @@ from recordings.incidents.incident import IncidentError, damage_of, messages
 from recordings.recording import MAX_TIME_NS, MESSAGE_ENCODING, Recorded, RecordingReader
 from supervisor.blackbox.file import SUFFIX
 from supervisor.blackbox.reader import BlackBoxReader
+from wire.foreign import open_file, read_text
+from wire.host.process_limits import bounded_growth
 
 REORDER_S = 1.0
 SET_BACK_S = 10.0
 """A message this much earlier than one before it in the file shows that the clock was set back: the times go on after a pause."""
 PAUSE_S = 20.0
 COMPRESSED = (".zstd", ".zst", ".lz4")
+METADATA = "metadata.yaml"
+MAX_METADATA = 256 << 10
+"""Characters, for about 600 topics; 256 KiB of YAML can take 5 s."""
+MAX_GROWTH_BYTES = 512 << 20
+"""Of the memory, while a recording of rosbag2 is read."""
+MAX_EXPANSION = 100
+ALWAYS_BYTES = 1 << 30
+"""A file of rosbag2 that is compressed as a whole may expand to this size, and by this factor."""
 MAX_WAITING = 2000
 """Messages that wait to be put in order."""
 
@@ -84,17 +95,27 @@ class _Mcap(Source):
 
     def _index(self) -> dict[str, Found]:
         """Return the topics by the index at the end of the file; none if it has no valid index."""
+        schemas: dict[int, Schema] = {}
+        channels: dict[int, Channel] = {}
+        counts: dict[int, int] | None = None
         try:
-            with self.path.open("rb") as file:
-                summary = SeekingReader(file, record_size_limit=self.path.stat().st_size).get_summary()
+            for record in self._reader.summary():
+                match record:
+                    case Schema():
+                        schemas[record.id] = record
+                    case Channel():
+                        channels[record.id] = record
+                    case Statistics():
+                        counts = record.channel_message_counts
+                    case _:
+                        pass
         except Exception:  # noqa: BLE001 - a damaged index can raise any exception
             return {}
-        if summary is None or summary.statistics is None:
+        if counts is None:
             return {}
-        counts = summary.statistics.channel_message_counts
         found: dict[str, Found] = {}
-        for number, channel in summary.channels.items():
-            schema = summary.schemas.get(channel.schema_id)
+        for number, channel in channels.items():
+            schema = schemas.get(channel.schema_id)
             if channel.message_encoding == MESSAGE_ENCODING and schema is not None:
                 before = found[channel.topic].messages if channel.topic in found else 0
                 found[channel.topic] = Found(schema.name, before + counts.get(number, 0))
@@ -132,9 +153,30 @@ class BlackBoxSource(Source):
 class _Rosbag2(Source):
     """A SQLite file of rosbag2, or a folder with `metadata.yaml`."""
 
+    @contextmanager
+    def _opened(self) -> Generator[Reader]:
+        """Open the recording; what it expands to is bounded in memory, and on the disk of temporary files.
+
+        Raises:
+            Exception: it cannot be read.
+        """
+        within = (
+            [one for one in self.path.iterdir() if not one.is_dir()] if self.path.is_dir() else [self.path]
+        )
+        for file in within:
+            open_file(file).close()
+        if self.path.is_dir() and len(read_text(self.path / METADATA)) > MAX_METADATA:
+            raise ValueError(f"{METADATA} is larger than {MAX_METADATA >> 10} KiB")
+        size = sum(file.stat().st_size for file in within)
+        with (
+            bounded_growth(MAX_GROWTH_BYTES, ALWAYS_BYTES + MAX_EXPANSION * size),
+            Reader(self.path) as reader,
+        ):
+            yield reader
+
     def topics(self) -> dict[str, Found]:
         try:
-            with Reader(self.path) as reader:
+            with self._opened() as reader:
                 found: dict[str, Found] = {}
                 for one in reader.connections:
                     before = found[one.topic].messages if one.topic in found else 0
@@ -149,7 +191,7 @@ class _Rosbag2(Source):
 
     def messages(self, wanted: Collection[str]) -> Generator[Recorded]:
         try:
-            with Reader(self.path) as reader:
+            with self._opened() as reader:
                 chosen = [one for one in reader.connections if one.topic in wanted]
                 for connection, time_ns, payload in reader.messages(chosen) if chosen else ():
                     if not 0 <= time_ns <= MAX_TIME_NS:

@@ -24,7 +24,7 @@ from supervisor.law.interlock import Interlock
 from supervisor.law.model import Inputs, LawConfig
 from supervisor.law.sight import Sight
 from supervisor.law.state import Clock
-from wire.foreign import from_json
+from wire.foreign import from_json, open_file
 from wire.topics import SCAN
 
 LINE_LIMIT = 64 << 20
@@ -89,9 +89,7 @@ class BlackBoxReader:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            if path.is_fifo():
-                raise ValueError("a pipe")  # noqa: TRY301 - to open it waits for a writer
-            with gzip.open(path, "rt", encoding="utf-8") as file:
+            with open_file(path) as packed, gzip.open(packed, "rt", encoding="utf-8") as file:
                 header = _object(_line(file, 1))
         except (OSError, EOFError, ValueError, zlib.error) as error:
             raise BlackBoxError(_no_black_box(path, error)) from error
@@ -142,7 +140,7 @@ class BlackBoxReader:
         """
         number = steps = 0
         try:
-            with gzip.open(self.path, "rt", encoding="utf-8") as file:
+            with open_file(self.path) as packed, gzip.open(packed, "rt", encoding="utf-8") as file:
                 while text := _line(file, number + 1):
                     number += 1
                     if number == 1:

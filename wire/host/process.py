@@ -18,6 +18,7 @@ from typing import Any, NoReturn
 
 from wire.host.installation import runnable
 from wire.host.memory_keeper import MemoryKeeper
+from wire.host.process_limits import limit_of
 from wire.inbox import BusError
 
 _log = logging.getLogger(__name__)
@@ -48,8 +49,12 @@ def run_process(name: str, main: Main, *, memory_keeper: bool = False) -> NoRetu
         code = asyncio.run(_supervised(main, at_end, memory_keeper=memory_keeper))
     except BusError as error:
         print(f"{name}: {runnable(str(error))}", file=sys.stderr)
-    except Exception:  # noqa: BLE001 - the last handler before the process ends
-        _log.exception("%s ended with an unexpected error", name)
+    except Exception as error:  # noqa: BLE001 - the last handler before the process ends
+        sentence = limit_of(error)
+        if sentence is None:
+            _log.exception("%s ended with an unexpected error", name)
+        else:
+            print(f"{name}: {sentence}", file=sys.stderr)
     finally:
         with suppress(OSError):  # the terminal may be closed
             logging.shutdown()

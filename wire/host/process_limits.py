@@ -1,6 +1,7 @@
-"""Limits of this process that the kernel enforces: open files, memory, and the time that a closing socket may block."""
+"""Limits of this process that the kernel enforces: open files, memory, and the time that a closing socket may block; what to do at a limit."""
 
 import ctypes
+import errno
 import os
 import resource
 import socket
@@ -8,9 +9,41 @@ import struct
 import sys
 import threading
 import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
 
+DATA_PAGES = 5
+"""The place of the writable memory, in pages, in /proc/self/statm."""
 LINGER_PERIOD_S = 0.1
+NO_THREAD = "can't start new thread"
+"""The message of Python's RuntimeError."""
+REMEDIES = (
+    dict.fromkeys((errno.ENOSPC, errno.EDQUOT), "free some space, or choose another directory")
+    | dict.fromkeys((errno.EMFILE, errno.ENFILE), "raise the limit of open files (`ulimit -n`)")
+    | dict.fromkeys(
+        (errno.EAGAIN, errno.ENOMEM),
+        "end other programs, or raise the limits of processes and memory (`ulimit -u`, `ulimit -v`)",
+    )
+    | dict.fromkeys(
+        (errno.EACCES, errno.EPERM, errno.EROFS), "correct its permissions, or choose another directory"
+    )
+)
+"""What to do if the machine refuses more."""
 _NO_LINGER = struct.pack("ii", 0, 0)
+
+
+def limit_of(error: Exception) -> str | None:
+    """Return in one sentence which limit of the machine an error shows and what to do; None if it shows none."""
+    number = error.errno if isinstance(error, OSError) else None
+    if isinstance(error, MemoryError) or (isinstance(error, RuntimeError) and NO_THREAD in str(error)):
+        number = errno.EAGAIN
+    if number == errno.ENOENT and isinstance(error, OSError) and error.filename is None:
+        return "the working directory no longer exists: change to another with `cd`"
+    if number not in REMEDIES:
+        return None
+    name = getattr(error, "filename", None)
+    return f"{'' if name is None else f'{name}: '}{os.strerror(number)}: {REMEDIES[number]}"
 
 
 def raise_open_files(wanted: int) -> int:
@@ -35,6 +68,21 @@ def bound_memory(limit_bytes: int) -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
     bounds = [limit for limit in (limit_bytes, soft, hard) if limit != resource.RLIM_INFINITY]
     resource.setrlimit(resource.RLIMIT_DATA, (min(bounds), hard))
+
+
+@contextmanager
+def bounded_growth(memory_bytes: int, file_bytes: int) -> Generator[None]:
+    """Let allocations fail that make the memory of this process grow by more, and writes to longer files, until the context ends."""
+    used = int(Path("/proc/self/statm").read_text().split()[DATA_PAGES]) * resource.getpagesize()
+    before = {kind: resource.getrlimit(kind) for kind in (resource.RLIMIT_DATA, resource.RLIMIT_FSIZE)}
+    for (kind, limits), wanted in zip(before.items(), (used + memory_bytes, file_bytes), strict=True):
+        bounds = [limit for limit in (wanted, *limits) if limit != resource.RLIM_INFINITY]
+        resource.setrlimit(kind, (min(bounds), limits[1]))
+    try:
+        yield
+    finally:
+        for kind, limits in before.items():
+            resource.setrlimit(kind, limits)
 
 
 def never_linger() -> None:

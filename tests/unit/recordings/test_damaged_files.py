@@ -2,17 +2,29 @@
 
 import gzip
 import json
+import os
+import resource
+import sqlite3
+import struct
+import tracemalloc
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
+import lz4.frame
 import pytest
+import zstandard
+from mcap.opcode import Opcode
+from mcap.records import Chunk, Footer
 from typer.testing import CliRunner, Result
 
 from lifeline.cli.app import app
 from recordings.incidents.commands import Series, plot
-from recordings.recording import Recorded, RecordingReader, RecordingWriter
+from recordings.judge import source
+from recordings.recording import MAGIC, MAX_CHUNK_BYTES, Recorded, RecordingReader, RecordingWriter
 from tests.fuzz.files import feed, fuzz_files, readers
+from tests.unit.recordings.judge.recorded import drive, write_rosbag2
 from tests.unit.recordings.test_incident import stopped
 from tests.unit.supervisor.blackbox.test_reader import rewrite
 from wire.messages import Twist
@@ -199,3 +211,110 @@ def test_a_reader_that_raises_is_found(tmp_path: Path) -> None:
     assert "JSONDecodeError" in feed(broken, tmp_path, box.seed)
     printing = box._replace(read=print_it)
     assert "the terminal is sent" in feed(printing, tmp_path, box.seed)
+
+
+def _record(opcode: int, body: bytes) -> bytes:
+    return struct.pack("<BQ", opcode, len(body)) + body
+
+
+def _chunk(compression: bytes, size: int, content: bytes) -> bytes:
+    head = struct.pack("<QQQII", 0, 0, size, 0, len(compression)) + compression
+    return _record(Opcode.CHUNK, head + struct.pack("<Q", len(content)) + content)
+
+
+HEADER = MAGIC + _record(Opcode.HEADER, struct.pack("<II", 0, 0))
+LARGE = bytes(MAX_CHUNK_BYTES + 1)
+
+
+def _grown_bytes(path: Path) -> int:
+    """Return the peak of the memory that reading a file takes, as Python counts it."""
+    tracemalloc.start()
+    try:
+        list(RecordingReader(path).messages())
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("compression", [b"", b"zstd", b"lz4"])
+def test_a_chunk_that_claims_to_be_large_is_refused(tmp_path: Path, compression: bytes) -> None:
+    path = tmp_path / "r.mcap"
+    path.write_bytes(HEADER + _chunk(compression, MAX_CHUNK_BYTES + 1, b"x"))
+    result = run("judge", str(path))
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert "has a chunk of 64 MiB, more than 64 MiB" in result.stderr
+
+
+@pytest.mark.parametrize("size", [1000, MAX_CHUNK_BYTES])
+def test_a_chunk_that_is_larger_than_it_claims_is_not_expanded_beyond_that(tmp_path: Path, size: int) -> None:
+    path = tmp_path / "r.mcap"
+    for compression, content in (
+        (b"zstd", zstandard.compress(LARGE)),
+        (b"lz4", cast("Any", lz4.frame).compress(LARGE)),
+    ):
+        path.write_bytes(HEADER + _chunk(compression, size, content))
+        reader = RecordingReader(path)
+        assert list(reader.messages()) == []
+        assert reader.cut
+        if size < MAX_CHUNK_BYTES:
+            assert _grown_bytes(path) < MAX_CHUNK_BYTES // 4
+
+
+@pytest.mark.parametrize("opcode", [Opcode.MESSAGE, Opcode.ATTACHMENT, 0x7F])
+def test_a_record_that_claims_to_be_large_is_not_read(tmp_path: Path, opcode: int) -> None:
+    path = tmp_path / "r.mcap"
+    path.write_bytes(HEADER + struct.pack("<BQ", opcode, 3 * MAX_CHUNK_BYTES) + b"\xff" * 32)
+    with path.open("r+b") as file:
+        file.truncate(4 * MAX_CHUNK_BYTES)
+    assert _grown_bytes(path) < MAX_CHUNK_BYTES // 4
+
+
+def test_an_index_that_leads_to_a_chunk_expands_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "r.mcap"
+    footer = _record(Opcode.FOOTER, struct.pack("<QQI", len(HEADER), 0, 0))
+    path.write_bytes(HEADER + _chunk(b"zstd", 1000, zstandard.compress(LARGE)) + footer + MAGIC)
+    assert [type(one) for one in RecordingReader(path).summary()] == [Chunk, Footer]
+
+
+def test_a_pipe_among_the_files_of_rosbag2_is_not_waited_for(tmp_path: Path) -> None:
+    bag = write_rosbag2(tmp_path / "bag", drive(0.5))
+    for name in ("bag.db3", "metadata.yaml"):
+        content = (bag / name).read_bytes()
+        (bag / name).unlink()
+        os.mkfifo(bag / name)
+        result = run("judge", str(bag))
+        assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+        assert "it is a pipe or a device, not a file" in result.stderr
+        (bag / name).unlink()
+        (bag / name).write_bytes(content)
+
+
+def test_the_metadata_of_rosbag2_has_a_limit(tmp_path: Path) -> None:
+    bag = write_rosbag2(tmp_path / "bag", drive(0.5))
+    with (bag / "metadata.yaml").open("a") as file:
+        file.write("x: [" + "[]," * 100_000 + "]\n")
+    assert "metadata.yaml is larger than 256 KiB" in run("judge", str(bag)).stderr
+
+
+@pytest.mark.parametrize("mode", ["FILE", "MESSAGE"])
+def test_what_expands_without_end_is_refused_in_rosbag2(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode: str
+) -> None:
+    monkeypatch.setattr(source, "MAX_GROWTH_BYTES", 32 << 20)
+    monkeypatch.setattr(source, "ALWAYS_BYTES", 1 << 20)
+    bag = write_rosbag2(tmp_path / "bag", drive(0.5))
+    metadata, database = bag / "metadata.yaml", bag / "bag.db3"
+    text = metadata.read_text().replace("compression_format: ''", "compression_format: zstd")
+    packed = zstandard.compress(LARGE)
+    if mode == "FILE":
+        text = text.replace("bag.db3", "bag.db3.zstd")
+        database.unlink()
+        database.with_name("bag.db3.zstd").write_bytes(packed)
+    else:
+        with closing(sqlite3.connect(database)) as connection, connection:
+            connection.execute("UPDATE messages SET data = ?", (packed,))
+    metadata.write_text(text.replace("compression_mode: ''", f"compression_mode: {mode}"))
+    before = [resource.getrlimit(kind) for kind in (resource.RLIMIT_DATA, resource.RLIMIT_FSIZE)]
+    assert_a_result_or_a_sentence(result := run("judge", str(bag)))
+    assert result.exit_code == 2
+    assert [resource.getrlimit(kind) for kind in (resource.RLIMIT_DATA, resource.RLIMIT_FSIZE)] == before

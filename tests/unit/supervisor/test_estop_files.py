@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from supervisor.estop_record import (
-    MAX_CHARACTERS,
+    MAX_BYTES,
     EstopRecord,
     RecordError,
     RecordFiles,
@@ -91,7 +91,7 @@ def test_the_description_of_a_record_of_any_size_is_short(tmp_path: Path) -> Non
     record_path(tmp_path, ROBOT).write_bytes(b"x\npressed by " + b"\x1b[2J" * 250_000)
     said = pressed_by(tmp_path, ROBOT)
     assert said.startswith("pressed by ?[2J")
-    assert len(said) <= MAX_CHARACTERS
+    assert len(said) <= MAX_BYTES
 
 
 def test_a_record_that_is_no_file_says_nothing_and_does_not_block(tmp_path: Path) -> None:
