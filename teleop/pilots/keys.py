@@ -6,6 +6,8 @@ Cursor and function keys arrive as escape sequences, in one or several pieces. T
     ESC [ code : shifted : base ; modifiers : event u       any key; event 1 press, 2 repeat, 3 release
     ESC [ 1 ; modifiers : event A                           likewise the arrows and some more
 
+xterm's modifyOtherKeys, which another program may have left on, reports keys as ESC [ 27 ; modifiers ; code ~.
+
 A SPACE and a Ctrl-C are always recognised: as plain bytes, they are not part of any sequence, and as sequences, they
 begin with an ESC, which ends every unfinished sequence. A stray ESC therefore never swallows the emergency stop. Each
 space character of Unicode (category Zs) is the SPACE. Input that no person typed is not decoded to its keys but to a key
@@ -95,9 +97,11 @@ PASTED = "pasted text"
 SEVERAL = "different keys at once"
 PLAIN = "a key without its release"
 """A plain character, although the terminal reports each key as a sequence with its release."""
+WHEEL = "an arrow, which may be the mouse wheel"
+"""An arrow key where the terminal does not report that its mouse wheel sends no arrows."""
 UNKNOWN = "an unknown key sequence"
 UNFINISHED = "Escape, or an unfinished key sequence"
-NOT_TYPED = frozenset({PASTED, SEVERAL, PLAIN, UNKNOWN, UNFINISHED})
+NOT_TYPED = frozenset({PASTED, SEVERAL, PLAIN, WHEEL, UNKNOWN, UNFINISHED})
 """Pseudo keys in place of input that is not the press of a known key."""
 NO_MOTION = frozenset({*COMMANDS, FOCUS_OUT})
 """Keys that the program handles, and that need not stop the robot."""
@@ -128,12 +132,17 @@ _FINALS = {
     "S": "f4",
     "Z": "tab",
 }
+ARROWS = frozenset({"up", "down", "left", "right"})
 _STRINGS = "P]X^_"
 """After ESC: the beginning of a string of any characters, such as a reply with a colour or the terminal's name."""
 _C1 = {chr(ord(char) + 0x40): ESCAPE + char for char in "[O" + _STRINGS}
 """The same introducers as one character, from terminals with 8-bit controls."""
-_REPORTS = re.compile(r"I|[?>]?[0-9;]+[cnRt]")
-"""Parameters and final bytes of reports that are not keys: focus, identification, status, cursor and size."""
+_REPORTS = re.compile(r"I|[?>]?[0-9;]+[cnt]|(?!1;)[?>]?[0-9;]+R|\?[0-9;]+\$y")
+"""Parameters and final bytes of reports that are not keys: focus, identification, status, size, cursor and modes.
+A cursor in the first row looks like F3 with a modifier, and counts as this key."""
+_WHEEL_MODE = re.compile(r"\?1007;([0-4])\$")
+_RESET_MODES = (2, 4)
+"""The states "reset" and "permanently reset" in a report of a mode (DECRPM)."""
 _MODIFIER_KEYS = frozenset({*range(57358, 57361), *range(57441, 57455)})
 """Modifier keys pressed alone, such as Shift, Ctrl and caps lock; they are ignored."""
 _CODES = {
@@ -148,6 +157,7 @@ _CODES = {
     57420: "down",
 } | {57399 + digit: str(digit) for digit in range(10)}
 """Key codes of the kitty keyboard protocol, including the keypad."""
+_SHIFTED = frozenset(map(ord, (QUESTION, *LEVEL_KEYS)))
 _PRIVATE_USE = range(57344, 63744)
 
 
@@ -156,6 +166,8 @@ class ReportKind(StrEnum):
 
     KEYBOARD_FLAGS = "keyboard flags"
     """Present flags of the kitty keyboard protocol; reported only by terminals that support it."""
+    WHEEL_MODE = "wheel mode"
+    """Whether the mode is reset, known and off, in which the mouse wheel sends arrow keys (alternate scroll, 1007)."""
     WELL = "well"
     """The reply to a status request (DSR)."""
 
@@ -219,6 +231,8 @@ class KeyDecoder:
         """Whether pasted text was reported for this read."""
         self.tells_releases = False
         """Set once the kitty protocol is active. A key that still arrives as a plain character was not pressed."""
+        self.doubts_arrows = False
+        """Set while an arrow key may be the mouse wheel, and would move the robot."""
 
     @property
     def is_unfinished(self) -> bool:
@@ -243,6 +257,8 @@ class KeyDecoder:
                 self._is_pasting = True
                 yield from () if self._is_noted else (KeyEvent(PASTED),)
                 self._is_noted = True
+            elif self.doubts_arrows and event.key in ARROWS and event.kind is not KeyKind.RELEASE:
+                yield KeyEvent(WHEEL)
             else:
                 yield event
 
@@ -293,6 +309,8 @@ def _sequence(parameters: str, final: str) -> KeyEvent | Report | None:
         return Report(ReportKind.KEYBOARD_FLAGS, _number(parameters[1:]))
     if parameters == "0" and final == "n":
         return Report(ReportKind.WELL)
+    if final == "y" and (mode := _WHEEL_MODE.fullmatch(parameters)):
+        return Report(ReportKind.WHEEL_MODE, int(int(mode[1]) in _RESET_MODES))
     if parameters == "" and final == "O":
         return KeyEvent(FOCUS_OUT)
     if _REPORTS.fullmatch(parameters + final):
@@ -303,6 +321,8 @@ def _sequence(parameters: str, final: str) -> KeyEvent | Report | None:
     held = max(modifiers - 1, 0)
     if final == "u":
         key = _key(fields[0], held, kind)
+    elif final == "~" and fields[0] == [27] and len(fields) > 2:
+        key = _key(fields[2], held, kind)
     elif final == "~":
         key = PASTED if parameters == "200" else f"~{fields[0][0]}"
     else:
@@ -316,14 +336,15 @@ def _sequence(parameters: str, final: str) -> KeyEvent | Report | None:
 def _key(codes: list[int], modifiers: int, kind: KeyKind) -> str | None:
     """Return the key of a code, with its alternatives (shifted, and on the US layout) if they are reported.
 
-    Only the question mark is taken from the shifted alternative, because its key differs between layouts. A release is that
-    of the key alone: Shift or Ctrl may have been pressed after the key, and then the release must end that key's press.
+    Only the question mark and the digits of the levels are taken from the shifted alternative, because their keys differ
+    between layouts. A release is that of the key alone: Shift or Ctrl may have been pressed after the key, and then the
+    release must end that key's press.
     """
     code = codes[0]
     if any(_is_space(chr(code)) for code in codes if 0 < code <= sys.maxunicode):
         return SPACE
-    if modifiers & _SHIFT and codes[1:2] == [ord(QUESTION)] and kind is not KeyKind.RELEASE:
-        return QUESTION
+    if modifiers & _SHIFT and len(codes) > 1 and codes[1] in _SHIFTED and kind is not KeyKind.RELEASE:
+        return chr(codes[1])
     if code > 0x7F and code not in _PRIVATE_USE and len(codes) > 2:
         code = codes[2]
     if code in _MODIFIER_KEYS:

@@ -47,7 +47,7 @@ LEGENDS = {
         KeyHelp("u i o", "hold: forward, and turn"),
         KeyHelp("j k l", "hold: turn; k stops"),
         KeyHelp("m , .", "hold: backward, and turn"),
-        KeyHelp("arrows", "the same"),
+        KeyHelp("arrows", "the same; not in tmux"),
         *_STOPS,
         KeyHelp("q / z", "both speeds +10 / -10 %"),
         KeyHelp("w / x", "linear, e / c angular"),
@@ -84,7 +84,8 @@ def key_help(control: Control) -> tuple[KeyHelp, ...]:
         case Control.HOLD:
             motions = ((key, _motion(*motion)) for key, motion in MOTIONS.items())
             stop = KeyHelp("k", "stop, like any other key")
-            return (*commands, *_rows(motions), stop, *_speeds(), levels)
+            arrows = KeyHelp("arrows", "not in tmux, screen or mosh")
+            return (*commands, *_rows(motions), arrows, stop, *_speeds(), levels)
         case Control.GAMEPAD:
             stop = KeyHelp(STOP_KEY, "stop; press button again")
             return (*commands, KeyHelp("stick", "drive, with dead-man button"), stop, levels)
