@@ -140,6 +140,7 @@ _C1 = {chr(ord(char) + 0x40): ESCAPE + char for char in "[O" + _STRINGS}
 _REPORTS = re.compile(r"I|[?>]?[0-9;]+[cnt]|(?!1;)[?>]?[0-9;]+R|\?[0-9;]+\$y")
 """Parameters and final bytes of reports that are not keys: focus, identification, status, size, cursor and modes.
 A cursor in the first row looks like F3 with a modifier, and counts as this key."""
+_OTHER_KEY = re.compile(r"27;(?P<modifiers>[0-9]*);(?P<code>[0-9]*)")
 _WHEEL_MODE = re.compile(r"\?1007;([0-4])\$")
 _RESET_MODES = (2, 4)
 """The states "reset" and "permanently reset" in a report of a mode (DECRPM)."""
@@ -289,6 +290,10 @@ class KeyDecoder:
         if (self._parameters, final) == ("201", "~"):
             self._is_pasting = False
             return
+        if final == "~" and (other := _OTHER_KEY.fullmatch(self._parameters)):
+            typed = _sequence(f"{other['code']};{other['modifiers']}", "u")
+            yield from self._typed(typed.key) if isinstance(typed, KeyEvent) else ()
+            return
         found = _sequence(self._parameters, final)
         if found is not None:
             yield found
@@ -321,8 +326,6 @@ def _sequence(parameters: str, final: str) -> KeyEvent | Report | None:
     held = max(modifiers - 1, 0)
     if final == "u":
         key = _key(fields[0], held, kind)
-    elif final == "~" and fields[0] == [27] and len(fields) > 2:
-        key = _key(fields[2], held, kind)
     elif final == "~":
         key = PASTED if parameters == "200" else f"~{fields[0][0]}"
     else:

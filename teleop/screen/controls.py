@@ -84,8 +84,7 @@ def key_help(control: Control) -> tuple[KeyHelp, ...]:
         case Control.HOLD:
             motions = ((key, _motion(*motion)) for key, motion in MOTIONS.items())
             stop = KeyHelp("k", "stop, like any other key")
-            arrows = KeyHelp("arrows", "not in tmux, screen or mosh")
-            return (*commands, *_rows(motions), arrows, stop, *_speeds(), levels)
+            return (*commands, *_rows(motions), stop, *_speeds(), levels)
         case Control.GAMEPAD:
             stop = KeyHelp(STOP_KEY, "stop; press button again")
             return (*commands, KeyHelp("stick", "drive, with dead-man button"), stop, levels)
