@@ -40,8 +40,8 @@ WHEEL_TRIES = 10
 
 _ASK, _ASK_WHEEL, _ASK_KEYBOARD = "\x1b[5n", "\x1b[?1007$p", "\x1b[?u"
 """Requests for the terminal's status, for the mode of its wheel, and for the keyboard flags of the kitty protocol."""
-_NO_MOUSE = "".join(f"\x1b[?{mode}l" for mode in (9, 1000, 1001, 1002, 1003))
-"""Switch off the mouse reports that an earlier program may have left on."""
+_NO_MOUSE = "".join(f"\x1b[?{mode}l" for mode in (9, 1000, 1001, 1002, 1003, 9001))
+"""Switch off what an earlier program may have left on: mouse reports, and win32-input-mode."""
 _TYPED, _NOT_TYPED = f"\x1b[?2004h\x1b[?1007l{_NO_MOUSE}", "\x1b[?2004l\x1b[?1007h"
 """Let the terminal mark pasted text, and keep the mouse from sending keys; and the usual modes again."""
 _ENTER = f"\x1b[?1049h\x1b[?25l{_TYPED}"
@@ -118,10 +118,11 @@ class Terminal:
     def __enter__(self) -> Self:
         self._loop = asyncio.get_running_loop()
         self._saved = termios.tcgetattr(0)
+        self._ours = _cbreak(self._saved)
         self._out = _open_output()
         if BY_PARENT not in os.environ:
             ending = RESTORE if self._face.is_full else f"{self._face.leave}\r\n"
-            self._guard = TerminalGuard(self._out, self._saved, _cbreak(self._saved), ending)
+            self._guard = TerminalGuard(self._out, self._saved, self._ours, ending)
         try:
             self._begin()
         except BaseException:
@@ -265,7 +266,7 @@ class Terminal:
         self._has_terminal = True
         if self._guard is not None:
             self._guard.tell(has_terminal=True)
-        self._set_modes()
+        self._keep_modes()
         hold = self._face.is_full and self._on_releases is not None
         self._has_pushed, self._wheel_asks = False, 0
         self._rely()
@@ -274,13 +275,8 @@ class Terminal:
     def _keep_modes(self) -> None:
         """Set the modes again if another program has changed them: otherwise, a SPACE may wait for Enter."""
         with suppress(termios.error):  # the terminal is closed, which the next read reports
-            modes = termios.tcgetattr(0)
-            if self._has_terminal and modes != _cbreak(modes):
-                self._set_modes()
-
-    def _set_modes(self) -> None:
-        with suppress(termios.error):
-            termios.tcsetattr(0, termios.TCSANOW, _cbreak(self._saved))
+            if self._has_terminal and termios.tcgetattr(0) != self._ours:
+                termios.tcsetattr(0, termios.TCSANOW, self._ours)
 
     def _on_continue(self) -> None:
         """Set up the terminal again after an external stop and continue: another program may have changed it."""

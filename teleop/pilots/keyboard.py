@@ -325,7 +325,9 @@ class Repeats:
         self.until_s = -math.inf
         """Time until which the key counts as held; `-math.inf` if none does."""
         self._void_key, self._void_s = "", -math.inf
-        """The key that was held when it was forgotten, and its newest repeat since then."""
+        """The key that was held when it was forgotten, and its newest repeat since then; infinite before the first one.
+        Keys on a screen that is not seen do not arrive here: the time since the stop is no pause of the key.
+        """
         self._intervals_s: deque[float] = deque(maxlen=REMEMBERED)
 
     @property
@@ -334,10 +336,11 @@ class Repeats:
         return max(MIN_WINDOW_S, WINDOW_INTERVALS * max(self._intervals_s, default=0.0))
 
     def press(self, key: str, now_s: float) -> bool:
-        """Take a press or a repeat; return False if it is void."""
+        """Take a press or a repeat; return False if it is a void repeat."""
         if key == self._void_key and now_s - self._void_s <= self.window_s:
+            is_new = self._void_s == math.inf  # it may be a new press: only a pause tells
             self._void_s = now_s
-            return False
+            return is_new
         self._void_key = ""
         interval_s = now_s - self._last_s
         if key == self._key and interval_s <= PROOF_S:
@@ -360,7 +363,7 @@ class Repeats:
         return is_tap
 
     def forget(self, held: str = "") -> bool:
-        """Release the held key, whose further repeats are void until a pause; keep the learned repeat intervals.
+        """Release the held key, whose further repeats are void until a pause among them; keep the learned repeat intervals.
 
         Args:
             held: a key that was held by its press and release; its repeats are void too.
@@ -368,10 +371,8 @@ class Repeats:
         Returns:
             Whether a key was held.
         """
-        is_repeating = self.until_s > -math.inf
-        if held:
-            self._void_key, self._void_s = held, math.inf  # until a pause after its first repeat
-        elif is_repeating:
-            self._void_key, self._void_s = self._key, self._last_s
+        if not held and self.until_s > -math.inf:
+            held = self._key
+        self._void_key, self._void_s = held or self._void_key, math.inf
         self._key, self._last_s, self.until_s = "", -math.inf, -math.inf
-        return is_repeating or bool(held)
+        return bool(held)

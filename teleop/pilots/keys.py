@@ -135,12 +135,16 @@ _FINALS = {
 ARROWS = frozenset({"up", "down", "left", "right"})
 _STRINGS = "P]X^_"
 """After ESC: the beginning of a string of any characters, such as a reply with a colour or the terminal's name."""
+_VT52_ARROWS = "ABCD"
+"""After ESC: an arrow, or the wheel, of a terminal that a program left in VT52 mode; the letters would move the robot."""
 _C1 = {chr(ord(char) + 0x40): ESCAPE + char for char in "[O" + _STRINGS}
 """The same introducers as one character, from terminals with 8-bit controls."""
 _REPORTS = re.compile(r"I|[?>]?[0-9;]+[cnt]|(?!1;)[?>]?[0-9;]+R|\?[0-9;]+\$y")
 """Parameters and final bytes of reports that are not keys: focus, identification, status, size, cursor and modes.
 A cursor in the first row looks like F3 with a modifier, and counts as this key."""
 _OTHER_KEY = re.compile(r"27;(?P<modifiers>[0-9]*);(?P<code>[0-9]*)")
+_WIN32_ALWAYS = re.compile(r"[0-9]*;[0-9]*;(32|3);1[0-9;]*")
+"""The press of SPACE or Ctrl-C in win32-input-mode, which ends in an underscore."""
 _WHEEL_MODE = re.compile(r"\?1007;([0-4])\$")
 _RESET_MODES = (2, 4)
 """The states "reset" and "permanently reset" in a report of a mode (DECRPM)."""
@@ -277,7 +281,8 @@ class KeyDecoder:
             self._state = {"[": _State.CSI, "O": _State.SS3}.get(char, _State.GROUND)
             self._parameters = ""
             if self._state is _State.GROUND:
-                yield from [KeyEvent(UNKNOWN)] if char in _STRINGS else self._typed(char)
+                is_unknown = char in _STRINGS + _VT52_ARROWS
+                yield from [KeyEvent(UNKNOWN)] if is_unknown else self._typed(char)
         elif state is _State.SS3:
             yield from self._typed(_FINALS.get(char, UNKNOWN))
         elif "@" <= char <= "~":
@@ -314,6 +319,8 @@ def _sequence(parameters: str, final: str) -> KeyEvent | Report | None:
         return Report(ReportKind.KEYBOARD_FLAGS, _number(parameters[1:]))
     if parameters == "0" and final == "n":
         return Report(ReportKind.WELL)
+    if final == "_" and (always := _WIN32_ALWAYS.fullmatch(parameters)):
+        return KeyEvent(chr(int(always[1])))
     if final == "y" and (mode := _WHEEL_MODE.fullmatch(parameters)):
         return Report(ReportKind.WHEEL_MODE, int(int(mode[1]) in _RESET_MODES))
     if parameters == "" and final == "O":

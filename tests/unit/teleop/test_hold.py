@@ -410,6 +410,30 @@ def test_the_repeats_of_a_key_that_was_held_at_a_stop_are_void_until_a_pause() -
     assert repeats.held(2.04) == "i"
 
 
+def test_the_time_for_which_keys_were_not_taken_after_a_stop_is_no_pause() -> None:
+    repeats = Repeats()
+    for number in range(4):
+        repeats.press("i", number * 0.03)
+    repeats.forget()
+    for start_s in (1.0, 3.0):
+        for number in range(40):
+            repeats.press("i", start_s + number * 0.03)
+            assert repeats.held(start_s + number * 0.03) is None
+        repeats.forget()
+
+
+def test_a_key_that_is_pressed_anew_after_a_stop_counts_once_it_repeats() -> None:
+    subject, said = pilot(releases=False), list[str]()
+    subject.say = said.append
+    for at_s in (0.0, 0.5, 0.53):
+        happen(subject, ("i", PRESS), at_s=at_s)
+    subject.let_go()
+    for at_s in (2.0, 2.25):
+        assert happen(subject, ("i", PRESS), at_s=at_s) == NEUTRAL
+    assert happen(subject, ("i", PRESS), at_s=2.28) == Velocity(0.5)
+    assert said == []
+
+
 def test_another_key_counts_at_once_after_a_stop() -> None:
     repeats = Repeats()
     for number in range(4):

@@ -195,6 +195,16 @@ def test_a_sequence_that_arrives_in_pieces_is_no_letter_either() -> None:
     ]
 
 
+@pytest.mark.parametrize("arrow", [b"\x1bA", b"\x1bB", b"\x1bC", b"\x1bD"])
+def test_an_arrow_of_vt52_mode_is_no_letter(arrow: bytes) -> None:
+    assert keys(arrow) == [UNKNOWN]
+
+
+def test_space_and_ctrl_c_of_win32_input_mode_come_through_and_a_letter_is_unknown() -> None:
+    assert keys(b"\x1b[32;57;32;1;0;1_\x1b[67;46;3;1;8;1_") == [" ", CTRL_C]
+    assert keys(b"\x1b[87;17;119;1;0;1_\x1b[32;57;32;0;0;1_") == [UNKNOWN, UNKNOWN]
+
+
 def test_a_key_with_alt_is_that_key() -> None:
     assert keys(b"\x1bs") == ["s"]
     assert keys(b"\x1b[115;3u") == ["s"]
