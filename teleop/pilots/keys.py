@@ -100,8 +100,10 @@ PLAIN = "a key without its release"
 WHEEL = "an arrow, which may be the mouse wheel"
 """An arrow key where the terminal does not report that its mouse wheel sends no arrows."""
 UNKNOWN = "an unknown key sequence"
+REPLY = "a reply to another program"
+"""A string of any characters and length, such as a colour or a clipboard; its end may be long on the way."""
 UNFINISHED = "Escape, or an unfinished key sequence"
-NOT_TYPED = frozenset({PASTED, SEVERAL, PLAIN, WHEEL, UNKNOWN, UNFINISHED})
+NOT_TYPED = frozenset({PASTED, SEVERAL, PLAIN, WHEEL, UNKNOWN, REPLY, UNFINISHED})
 """Pseudo keys in place of input that is not the press of a known key."""
 NO_MOTION = frozenset({*COMMANDS, FOCUS_OUT})
 """Keys that the program handles, and that need not stop the robot."""
@@ -110,6 +112,8 @@ MAX_KEYS = 3
 """Maximum number of different keys that a person presses between two reads, also over a slow link."""
 PAUSE_S = 0.1
 """Keys within this time after input that no person typed are the rest of it, which a link delivered later."""
+REPLY_PAUSE_S = 1.0
+"""The same for a reply that another program asked for: it may be long, and a link may cut it at each packet."""
 TOGETHER_S = 0.03
 """No person presses more than `MAX_KEYS` different keys within this time of one another."""
 MAX_PARAMETERS = 64
@@ -213,10 +217,12 @@ class TypedKeys:
         keys = {event.key for event in events if event.kind is KeyKind.PRESS} - ALWAYS_KEYS
         typed = keys - NOT_TYPED - {FOCUS_OUT}
         self._keys = typed | (self._keys if pause_s <= TOGETHER_S else frozenset[str]())
-        if pause_s > PAUSE_S:
+        if pause_s > (REPLY_PAUSE_S if self._why == REPLY else PAUSE_S):
             self._why = ""
-        if UNKNOWN in keys:
-            self._why = UNKNOWN
+        if REPLY in keys:
+            self._why = REPLY
+        elif UNKNOWN in keys:
+            self._why = self._why or UNKNOWN
         elif len(self._keys) > MAX_KEYS:
             self._why = self._why or SEVERAL
         if not self._why:
@@ -281,8 +287,8 @@ class KeyDecoder:
             self._state = {"[": _State.CSI, "O": _State.SS3}.get(char, _State.GROUND)
             self._parameters = ""
             if self._state is _State.GROUND:
-                is_unknown = char in _STRINGS + _VT52_ARROWS
-                yield from [KeyEvent(UNKNOWN)] if is_unknown else self._typed(char)
+                why = REPLY if char in _STRINGS else UNKNOWN if char in _VT52_ARROWS else ""
+                yield from [KeyEvent(why)] if why else self._typed(char)
         elif state is _State.SS3:
             yield from self._typed(_FINALS.get(char, UNKNOWN))
         elif "@" <= char <= "~":

@@ -20,6 +20,8 @@ from teleop.pilots.keys import (
     PASTED,
     PAUSE_S,
     PLAIN,
+    REPLY,
+    REPLY_PAUSE_S,
     SEVERAL,
     TOGETHER_S,
     UNFINISHED,
@@ -368,10 +370,26 @@ STRING_REPLIES = [
 """Replies that another program asked for: a colour, the terminal's name, a picture."""
 
 
+@pytest.mark.parametrize("gap_s", [0.0, PAUSE_S, REPLY_PAUSE_S / 2.5])
+@pytest.mark.parametrize("reply", STRING_REPLIES, ids=repr)
+def test_no_part_of_a_reply_to_another_program_is_a_key_however_a_slow_link_cuts_it(
+    reply: bytes, gap_s: float
+) -> None:
+    assert set(typed_apart(reply, gap_s)) == {REPLY}
+
+
+def test_a_key_counts_just_after_the_pause_that_ends_a_reply() -> None:
+    typed, reply, key = TypedKeys(), [KeyEvent(REPLY)], [KeyEvent("w")]
+    assert typed.take(reply, 0.0) == reply
+    assert typed.take([KeyEvent(UNKNOWN)], 0.5) == reply
+    assert typed.take(key, 0.5 + REPLY_PAUSE_S) == reply
+    assert typed.take(key, math.nextafter(0.5 + 2 * REPLY_PAUSE_S, 3.0)) == key
+
+
 @pytest.mark.parametrize("gap_s", [0.0, PAUSE_S / 3])
 @pytest.mark.parametrize(
     "report",
-    [*STRING_REPLIES, b"\x1b[Maw2", b"\x1b[[A", b"\x1bO5D", b"\x1b[<0;87;18M"],
+    [b"\x1b[Maw2", b"\x1b[[A", b"\x1bO5D", b"\x1b[<0;87;18M"],
     ids=repr,
 )
 def test_no_part_of_an_unknown_sequence_is_a_key_however_a_link_cuts_it(report: bytes, gap_s: float) -> None:
