@@ -292,6 +292,8 @@ def _parser() -> argparse.ArgumentParser:
         f"One step is {defaults.linear_step_m_s:g} m/s or {defaults.angular_step_rad_s:g} rad/s at speed level {LEVELS}, "
         "unless the configuration differs.\n"
         "? shows all keys while the program runs.\n"
+        "In mode hold, arrows count only if the terminal reports that its mouse wheel sends none (mode 1007): use the letters\n"
+        "behind tmux, screen and mosh.\n"
         "After every stop the robot moves only after a neutral command (s, or all keys released).\n"
         "Exception: it may drive away from an obstacle that stopped it.\n"
         "exit code: 0 after q (except in mode hold), Ctrl-C or SIGTERM, 1 after an error, 2 for a wrong configuration,\n"

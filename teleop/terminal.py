@@ -35,18 +35,24 @@ LEAVE_LIMIT_S = 0.3
 ANSWER_LIMIT_S = 0.15
 """How long to wait at the end for replies of the terminal: a later reply would go to the shell as input."""
 
-_ASK = "\x1b[5n"
-_TYPED, _NOT_TYPED = "\x1b[?2004h\x1b[?1007l", "\x1b[?2004l\x1b[?1007h"
-"""Let the terminal mark pasted text, and keep the wheel from sending cursor keys; and the usual modes again."""
+WHEEL_TRIES = 10
+"""Number of unanswered requests for the wheel's mode: some terminals without such requests print a part of them."""
+
+_ASK, _ASK_WHEEL, _ASK_KEYBOARD = "\x1b[5n", "\x1b[?1007$p", "\x1b[?u"
+"""Requests for the terminal's status, for the mode of its wheel, and for the keyboard flags of the kitty protocol."""
+_NO_MOUSE = "".join(f"\x1b[?{mode}l" for mode in (9, 1000, 1001, 1002, 1003, 9001))
+"""Switch off what an earlier program may have left on: mouse reports, and win32-input-mode."""
+_TYPED, _NOT_TYPED = f"\x1b[?2004h\x1b[?1007l{_NO_MOUSE}", "\x1b[?2004l\x1b[?1007h"
+"""Let the terminal mark pasted text, and keep the mouse from sending keys; and the usual modes again."""
 _ENTER = f"\x1b[?1049h\x1b[?25l{_TYPED}"
 _LEAVE = f"{_NOT_TYPED}\x1b[?2026l\x1b[?7h\x1b[0m\x1b[?25h\x1b[?1049l"
 """Also resets the modes that a picture sets, because the last picture may be incomplete."""
-_HOLD_ENTER, _HOLD_LEAVE = "\x1b[?1004h\x1b[?u", "\x1b[?1004l"
+_HOLD_ENTER, _HOLD_LEAVE = f"\x1b[?1004h{_ASK_KEYBOARD}", "\x1b[?1004l"
 """Enable reports of lost keyboard focus, and query support of the kitty keyboard protocol."""
 _KITTY_FLAGS = 1 | 2 | 4 | 8
 """Report every key as a sequence, with its release, and with its position on the US layout."""
 _KITTY_NEEDED = 2 | 8
-_PUSH, _POP = f"\x1b[>{_KITTY_FLAGS}u\x1b[?u", "\x1b[<u"
+_PUSH, _POP = f"\x1b[>{_KITTY_FLAGS}u", "\x1b[<u"
 RESTORE = _POP + _HOLD_LEAVE + _LEAVE
 """Sequences that restore the terminal after teleop was killed.
 They have no effect on a shell's main screen, which has its own keyboard flags."""
@@ -102,17 +108,21 @@ class Terminal:
         colours = not dumb and not os.environ.get("NO_COLOR")
         self._face = _PlainFace(is_dumb=dumb, colours=colours) if plain else _FullFace(colours=colours)
         self._pulse = Pulse()
-        self._has_pushed = self._has_releases = False
+        self._has_pushed = False
+        self._flags, self._wheel_mode, self._wheel_asks = 0, 0, 0
+        """The keyboard flags and the wheel's mode that were reported since the last reply to a status request, and the number of
+        requests for the wheel's mode since its last report."""
         self._unfinished_s = math.inf
         """Time at which an unfinished key sequence stops the robot."""
 
     def __enter__(self) -> Self:
         self._loop = asyncio.get_running_loop()
         self._saved = termios.tcgetattr(0)
+        self._ours = _cbreak(self._saved)
         self._out = _open_output()
         if BY_PARENT not in os.environ:
             ending = RESTORE if self._face.is_full else f"{self._face.leave}\r\n"
-            self._guard = TerminalGuard(self._out, self._saved, _cbreak(self._saved), ending)
+            self._guard = TerminalGuard(self._out, self._saved, self._ours, ending)
         try:
             self._begin()
         except BaseException:
@@ -136,6 +146,7 @@ class Terminal:
         return 80, 24
 
     def take(self) -> list[KeyEvent]:
+        self._keep_modes()
         signalled, self._typed = self._typed, []
         keys: list[KeyEvent] = []
         for _ in range(MAX_READS):
@@ -161,7 +172,7 @@ class Terminal:
         is_lost = self._pulse.is_lost(now_s)
         if not self._is_dumb and self._pulse.is_due(now_s):
             self._pulse.ask(now_s)
-            text += _ASK
+            text += self._questions() + _ASK
         return (self._write(text) if text else self._is_writable()) and not is_lost
 
     def note(self, text: str) -> None:
@@ -192,33 +203,46 @@ class Terminal:
                 keys.append(event._replace(is_old=not self._pulse.is_live(self._loop.time())))
             elif event.kind is ReportKind.KEYBOARD_FLAGS:
                 self._on_keyboard_flags(event.value)
+            elif event.kind is ReportKind.WHEEL_MODE:
+                self._wheel_mode, self._wheel_asks = event.value, 0
             else:
                 self._on_status()
         return keys
 
+    def _questions(self) -> str:
+        """Return the requests whose replies precede that to the status request: what teleop relies on may change."""
+        text = _ASK_KEYBOARD if self._has_pushed else ""
+        if self._on_releases is not None and self._wheel_asks < WHEEL_TRIES:
+            self._wheel_asks += 1
+            text += _ASK_WHEEL
+            if self._wheel_asks == WHEEL_TRIES:
+                self._face.forget()  # the next picture removes what the terminal may have printed
+        return text
+
     def _on_status(self) -> None:
-        """Handle a reply to a status request."""
+        """Handle a reply to a status request. Only what was reported just before it counts."""
         is_first = not self._pulse.answers
         self._pulse.answer(self._loop.time())
-        if is_first and self._pulse.answers:
-            if self._on_answer is not None:
-                self._on_answer()
-            self._tell_releases()
+        if is_first and self._pulse.answers and self._on_answer is not None:
+            self._on_answer()
+        if self._on_releases is not None:
+            self._rely(flags=self._flags, wheel_mode=self._wheel_mode)
 
     def _on_keyboard_flags(self, flags: int) -> None:
         """Handle a report of the kitty protocol's flags: request key releases, and note whether they are active."""
-        if self._on_releases is None:
-            return
-        if not self._has_pushed:
+        if self._has_pushed:
+            self._flags, self._decoder.tells_releases = flags, _tells_releases(flags)
+        elif self._has_terminal and self._face.is_full and self._on_releases is not None:
             self._has_pushed = True
             self._write(_PUSH)
-            return
-        self._has_releases = self._decoder.tells_releases = flags & _KITTY_NEEDED == _KITTY_NEEDED
-        self._tell_releases()
 
-    def _tell_releases(self) -> None:
+    def _rely(self, *, flags: int = 0, wheel_mode: int = 0) -> None:
+        """Rely on key releases and arrow keys only if the terminal reports the modes that they need."""
+        self._flags = self._wheel_mode = 0
+        self._decoder.tells_releases = _tells_releases(flags)
+        self._decoder.doubts_arrows = self._on_releases is not None and not wheel_mode
         if self._on_releases is not None:
-            self._on_releases(reported=self._has_releases and self._pulse.answers)
+            self._on_releases(reported=_tells_releases(flags) and self._pulse.answers)
             self._wake.set()
 
     def _on_signal(self, key: str) -> None:
@@ -228,7 +252,7 @@ class Terminal:
     # --- modes
 
     def _begin(self) -> None:
-        self._decoder, self._has_releases = KeyDecoder(), False
+        self._decoder = KeyDecoder()
         self._face.forget()
         self._enter()
         self.doubt()
@@ -242,11 +266,17 @@ class Terminal:
         self._has_terminal = True
         if self._guard is not None:
             self._guard.tell(has_terminal=True)
-        with suppress(termios.error):  # the terminal is closed, which the next read reports
-            termios.tcsetattr(0, termios.TCSANOW, _cbreak(self._saved))
+        self._keep_modes()
         hold = self._face.is_full and self._on_releases is not None
-        self._has_pushed = False
+        self._has_pushed, self._wheel_asks = False, 0
+        self._rely()
         self._write(self._face.enter + (_HOLD_ENTER if hold else ""))
+
+    def _keep_modes(self) -> None:
+        """Set the modes again if another program has changed them: otherwise, a SPACE may wait for Enter."""
+        with suppress(termios.error):  # the terminal is closed, which the next read reports
+            if self._has_terminal and termios.tcgetattr(0) != self._ours:
+                termios.tcsetattr(0, termios.TCSANOW, self._ours)
 
     def _on_continue(self) -> None:
         """Set up the terminal again after an external stop and continue: another program may have changed it."""
@@ -273,8 +303,7 @@ class Terminal:
         if self._face.is_full:
             hold = (_POP if self._has_pushed else "") + (_HOLD_LEAVE if self._on_releases is not None else "")
             ending = f"{hold}{ending}"
-        if self._has_pushed and self._on_releases is not None:
-            self._on_releases(reported=False)
+        self._rely()
         self._has_pushed = False
         self._write_for_certain(ending)
         self._await_answers()
@@ -409,8 +438,13 @@ def _open_output() -> int:
         return os.dup(1)
 
 
+def _tells_releases(flags: int) -> bool:
+    """Return whether the terminal reports the release of each key with these flags of the kitty protocol."""
+    return flags & _KITTY_NEEDED == _KITTY_NEEDED
+
+
 def _cbreak(saved: Modes) -> Modes:
-    r"""Return modes for unbuffered keys without echo; Ctrl-C, Ctrl-Z and Ctrl-\ stay signals, Ctrl-S is disabled."""
+    r"""Return modes for unbuffered keys of 8 bits without echo; Ctrl-C, Ctrl-Z and Ctrl-\ stay signals, Ctrl-S is disabled."""
     iflag, oflag, cflag, lflag, ispeed, ospeed, cc = saved
     assert isinstance(iflag, int)
     assert isinstance(lflag, int)
@@ -418,7 +452,7 @@ def _cbreak(saved: Modes) -> Modes:
     control = list(cc)
     control[termios.VMIN], control[termios.VTIME] = 1, 0
     return [
-        iflag & ~termios.IXON,
+        iflag & ~(termios.IXON | termios.ISTRIP),
         oflag,
         cflag,
         lflag & ~(termios.ICANON | termios.ECHO),

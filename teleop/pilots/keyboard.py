@@ -5,7 +5,7 @@ not change the requested velocity. The law waits for a neutral command, which mu
 sent it automatically would re-arm the robot without the operator's knowledge.
 
 By holding, in the layout of teleop_twist_keyboard, the robot moves only while a key is held. If the terminal reports
-releases, a key is held from its press to its release, and several held keys add up. Repeats are then ignored, so that
+releases, a key is held from its press to its release, and several held keys add up. Repeats are then no presses, so that
 after any stop a key must be pressed again. On other terminals, a held key is detected from its repeats.
 """
 
@@ -181,6 +181,10 @@ LEAST = 0.05
 """Minimum speed as a share of the maximum: below it, a robot hardly moves, and steps of 10 % have no effect."""
 
 
+UNPROVEN_S = 1.0
+"""Until the first release, a key counts for this long after its press or newest repeat: the terminal may send no releases."""
+
+
 class Hold(_KeyPilot):
     """A `Pilot` that moves while a key is held; any key without another meaning stops.
 
@@ -195,10 +199,15 @@ class Hold(_KeyPilot):
         super().__init__(most, ramp, level)
         self._speed = speed
         self._reports_releases = False
-        self._held: dict[str, None] = {}
+        self._has_released = False
+        """Whether the terminal has reported a release."""
+        self._held: dict[str, float] = {}
+        """The held keys where releases are reported, with the time of their press or newest repeat."""
         self._repeats = Repeats()
-        self.say: Callable[[str], None] | None = None
-        """Shows the operator that a tap was too short."""
+        self._void_unsaid = False
+        """Whether a stop has released a key, of which the operator has not been shown that its repeats are void."""
+        self.say: Callable[[str], None] = lambda _: None
+        """Shows the operator why a key does not move the robot."""
 
     @property
     def note(self) -> str:
@@ -215,18 +224,21 @@ class Hold(_KeyPilot):
     @property
     def next_s(self) -> float:
         expiry_s = self._repeats.until_s if self._wanted != NEUTRAL and not self._held else math.inf
+        if self._held and not self._has_released:
+            expiry_s = min(self._held.values()) + UNPROVEN_S
         return min(super().next_s, expiry_s)
 
     def rely_on_releases(self, *, reported: bool) -> None:
         """Set whether the terminal reports key releases; a change makes the pilot neutral."""
         if reported is not self._reports_releases:
-            self._reports_releases = reported
+            self._reports_releases, self._has_released = reported, False
             self.let_go()
 
     def on_key(self, event: KeyEvent, now_s: float) -> bool:
         key = event.key.lower()
         level = level_of(key)
         if event.kind is KeyKind.RELEASE:
+            self._has_released = True
             self._held.pop(key, None)
         elif key in MOTIONS:
             self._on_motion(key, event.kind, now_s)
@@ -245,7 +257,8 @@ class Hold(_KeyPilot):
         return True
 
     def velocity(self, now_s: float) -> Velocity:
-        if self._repeats.was_tap(now_s) and self.say is not None:
+        self._end_unproven(now_s)
+        if self._repeats.was_tap(now_s):
             self.say("a tap is too short to move the robot: hold the key until it repeats")
         key = self._repeats.held(now_s)
         keys = tuple(self._held) if key is None else (key,)
@@ -259,15 +272,29 @@ class Hold(_KeyPilot):
         return self._ramp.toward(self._wanted, now_s)
 
     def let_go(self) -> None:
+        self._void_unsaid |= self._repeats.forget(next(reversed(self._held), ""))
         self._held.clear()
-        self._repeats.forget()
         super().let_go()
 
     def _on_motion(self, key: str, kind: KeyKind, now_s: float) -> None:
-        if not self._reports_releases:
-            self._repeats.press(key, now_s)
-        elif kind is KeyKind.PRESS:
-            self._held[key] = None
+        if self._reports_releases:
+            counts = kind is KeyKind.PRESS or key in self._held
+            if counts:
+                self._held[key] = now_s
+        else:
+            counts = self._repeats.press(key, now_s)
+        if self._void_unsaid and not counts:
+            self._void_unsaid = False
+            self.say("a key that was held at a stop moves nothing: let go of it, and press it again")
+
+    def _end_unproven(self, now_s: float) -> None:
+        """Release the keys of a terminal that has reported no release yet, and that sends no more repeats."""
+        if self._has_released:
+            return
+        for key, newest_s in tuple(self._held.items()):
+            if now_s >= newest_s + UNPROVEN_S:
+                del self._held[key]
+                self.say(f"no key release from this terminal yet: a key counts for {UNPROVEN_S:g} s")
 
     def _allowed(self) -> Velocity:
         return Velocity(*map(min, self._speed, self.limit))
@@ -298,7 +325,9 @@ class Repeats:
         self.until_s = -math.inf
         """Time until which the key counts as held; `-math.inf` if none does."""
         self._void_key, self._void_s = "", -math.inf
-        """The key that was held when it was forgotten, and its newest repeat since then."""
+        """The key that was held when it was forgotten, and its newest repeat since then; infinite before the first one.
+        Keys on a screen that is not seen do not arrive here: the time since the stop is no pause of the key.
+        """
         self._intervals_s: deque[float] = deque(maxlen=REMEMBERED)
 
     @property
@@ -306,10 +335,12 @@ class Repeats:
         """Time after its last repeat for which a key counts as held."""
         return max(MIN_WINDOW_S, WINDOW_INTERVALS * max(self._intervals_s, default=0.0))
 
-    def press(self, key: str, now_s: float) -> None:
+    def press(self, key: str, now_s: float) -> bool:
+        """Take a press or a repeat; return False if it is a void repeat."""
         if key == self._void_key and now_s - self._void_s <= self.window_s:
+            is_new = self._void_s == math.inf  # it may be a new press: only a pause tells
             self._void_s = now_s
-            return
+            return is_new
         self._void_key = ""
         interval_s = now_s - self._last_s
         if key == self._key and interval_s <= PROOF_S:
@@ -318,6 +349,7 @@ class Repeats:
         elif key != self._key or now_s >= self.until_s:
             self.until_s = -math.inf
         self._key, self._last_s = key, now_s
+        return True
 
     def held(self, now_s: float) -> str | None:
         """Return the key that is held at `now_s`; None if none is."""
@@ -330,8 +362,17 @@ class Repeats:
             self._key = ""
         return is_tap
 
-    def forget(self) -> None:
-        """Release the held key, whose further repeats are void until a pause; keep the learned repeat intervals."""
-        if self.until_s > -math.inf:
-            self._void_key, self._void_s = self._key, self._last_s
+    def forget(self, held: str = "") -> bool:
+        """Release the held key, whose further repeats are void until a pause among them; keep the learned repeat intervals.
+
+        Args:
+            held: a key that was held by its press and release; its repeats are void too.
+
+        Returns:
+            Whether a key was held.
+        """
+        if not held and self.until_s > -math.inf:
+            held = self._key
+        self._void_key, self._void_s = held or self._void_key, math.inf
         self._key, self._last_s, self.until_s = "", -math.inf, -math.inf
+        return bool(held)

@@ -6,6 +6,8 @@ Cursor and function keys arrive as escape sequences, in one or several pieces. T
     ESC [ code : shifted : base ; modifiers : event u       any key; event 1 press, 2 repeat, 3 release
     ESC [ 1 ; modifiers : event A                           likewise the arrows and some more
 
+xterm's modifyOtherKeys, which another program may have left on, reports keys as ESC [ 27 ; modifiers ; code ~.
+
 A SPACE and a Ctrl-C are always recognised: as plain bytes, they are not part of any sequence, and as sequences, they
 begin with an ESC, which ends every unfinished sequence. A stray ESC therefore never swallows the emergency stop. Each
 space character of Unicode (category Zs) is the SPACE. Input that no person typed is not decoded to its keys but to a key
@@ -95,9 +97,13 @@ PASTED = "pasted text"
 SEVERAL = "different keys at once"
 PLAIN = "a key without its release"
 """A plain character, although the terminal reports each key as a sequence with its release."""
+WHEEL = "an arrow, which may be the mouse wheel"
+"""An arrow key where the terminal does not report that its mouse wheel sends no arrows."""
 UNKNOWN = "an unknown key sequence"
+REPLY = "a reply to another program"
+"""A string of any characters and length, such as a colour or a clipboard; its end may be long on the way."""
 UNFINISHED = "Escape, or an unfinished key sequence"
-NOT_TYPED = frozenset({PASTED, SEVERAL, PLAIN, UNKNOWN, UNFINISHED})
+NOT_TYPED = frozenset({PASTED, SEVERAL, PLAIN, WHEEL, UNKNOWN, REPLY, UNFINISHED})
 """Pseudo keys in place of input that is not the press of a known key."""
 NO_MOTION = frozenset({*COMMANDS, FOCUS_OUT})
 """Keys that the program handles, and that need not stop the robot."""
@@ -106,6 +112,8 @@ MAX_KEYS = 3
 """Maximum number of different keys that a person presses between two reads, also over a slow link."""
 PAUSE_S = 0.1
 """Keys within this time after input that no person typed are the rest of it, which a link delivered later."""
+REPLY_PAUSE_S = 1.0
+"""The same for a reply that another program asked for: it may be long, and a link may cut it at each packet."""
 TOGETHER_S = 0.03
 """No person presses more than `MAX_KEYS` different keys within this time of one another."""
 MAX_PARAMETERS = 64
@@ -128,12 +136,22 @@ _FINALS = {
     "S": "f4",
     "Z": "tab",
 }
+ARROWS = frozenset({"up", "down", "left", "right"})
 _STRINGS = "P]X^_"
 """After ESC: the beginning of a string of any characters, such as a reply with a colour or the terminal's name."""
+_VT52_ARROWS = "ABCD"
+"""After ESC: an arrow, or the wheel, of a terminal that a program left in VT52 mode; the letters would move the robot."""
 _C1 = {chr(ord(char) + 0x40): ESCAPE + char for char in "[O" + _STRINGS}
 """The same introducers as one character, from terminals with 8-bit controls."""
-_REPORTS = re.compile(r"I|[?>]?[0-9;]+[cnRt]")
-"""Parameters and final bytes of reports that are not keys: focus, identification, status, cursor and size."""
+_REPORTS = re.compile(r"I|[?>]?[0-9;]+[cnt]|(?!1;)[?>]?[0-9;]+R|\?[0-9;]+\$y")
+"""Parameters and final bytes of reports that are not keys: focus, identification, status, size, cursor and modes.
+A cursor in the first row looks like F3 with a modifier, and counts as this key."""
+_OTHER_KEY = re.compile(r"27;(?P<modifiers>[0-9]*);(?P<code>[0-9]*)")
+_WIN32_ALWAYS = re.compile(r"[0-9]*;[0-9]*;(32|3);1[0-9;]*")
+"""The press of SPACE or Ctrl-C in win32-input-mode, which ends in an underscore."""
+_WHEEL_MODE = re.compile(r"\?1007;([0-4])\$")
+_RESET_MODES = (2, 4)
+"""The states "reset" and "permanently reset" in a report of a mode (DECRPM)."""
 _MODIFIER_KEYS = frozenset({*range(57358, 57361), *range(57441, 57455)})
 """Modifier keys pressed alone, such as Shift, Ctrl and caps lock; they are ignored."""
 _CODES = {
@@ -148,6 +166,7 @@ _CODES = {
     57420: "down",
 } | {57399 + digit: str(digit) for digit in range(10)}
 """Key codes of the kitty keyboard protocol, including the keypad."""
+_SHIFTED = frozenset(map(ord, (QUESTION, *LEVEL_KEYS)))
 _PRIVATE_USE = range(57344, 63744)
 
 
@@ -156,6 +175,8 @@ class ReportKind(StrEnum):
 
     KEYBOARD_FLAGS = "keyboard flags"
     """Present flags of the kitty keyboard protocol; reported only by terminals that support it."""
+    WHEEL_MODE = "wheel mode"
+    """Whether the mode is reset, known and off, in which the mouse wheel sends arrow keys (alternate scroll, 1007)."""
     WELL = "well"
     """The reply to a status request (DSR)."""
 
@@ -196,10 +217,12 @@ class TypedKeys:
         keys = {event.key for event in events if event.kind is KeyKind.PRESS} - ALWAYS_KEYS
         typed = keys - NOT_TYPED - {FOCUS_OUT}
         self._keys = typed | (self._keys if pause_s <= TOGETHER_S else frozenset[str]())
-        if pause_s > PAUSE_S:
+        if pause_s > (REPLY_PAUSE_S if self._why == REPLY else PAUSE_S):
             self._why = ""
-        if UNKNOWN in keys:
-            self._why = UNKNOWN
+        if REPLY in keys:
+            self._why = REPLY
+        elif UNKNOWN in keys:
+            self._why = self._why or UNKNOWN
         elif len(self._keys) > MAX_KEYS:
             self._why = self._why or SEVERAL
         if not self._why:
@@ -219,6 +242,8 @@ class KeyDecoder:
         """Whether pasted text was reported for this read."""
         self.tells_releases = False
         """Set once the kitty protocol is active. A key that still arrives as a plain character was not pressed."""
+        self.doubts_arrows = False
+        """Set while an arrow key may be the mouse wheel, and would move the robot."""
 
     @property
     def is_unfinished(self) -> bool:
@@ -243,6 +268,8 @@ class KeyDecoder:
                 self._is_pasting = True
                 yield from () if self._is_noted else (KeyEvent(PASTED),)
                 self._is_noted = True
+            elif self.doubts_arrows and event.key in ARROWS and event.kind is not KeyKind.RELEASE:
+                yield KeyEvent(WHEEL)
             else:
                 yield event
 
@@ -260,7 +287,8 @@ class KeyDecoder:
             self._state = {"[": _State.CSI, "O": _State.SS3}.get(char, _State.GROUND)
             self._parameters = ""
             if self._state is _State.GROUND:
-                yield from [KeyEvent(UNKNOWN)] if char in _STRINGS else self._typed(char)
+                why = REPLY if char in _STRINGS else UNKNOWN if char in _VT52_ARROWS else ""
+                yield from [KeyEvent(why)] if why else self._typed(char)
         elif state is _State.SS3:
             yield from self._typed(_FINALS.get(char, UNKNOWN))
         elif "@" <= char <= "~":
@@ -272,6 +300,10 @@ class KeyDecoder:
     def _finished(self, final: str) -> Iterator[KeyEvent | Report]:
         if (self._parameters, final) == ("201", "~"):
             self._is_pasting = False
+            return
+        if final == "~" and (other := _OTHER_KEY.fullmatch(self._parameters)):
+            typed = _sequence(f"{other['code']};{other['modifiers']}", "u")
+            yield from self._typed(typed.key) if isinstance(typed, KeyEvent) else ()
             return
         found = _sequence(self._parameters, final)
         if found is not None:
@@ -293,6 +325,10 @@ def _sequence(parameters: str, final: str) -> KeyEvent | Report | None:
         return Report(ReportKind.KEYBOARD_FLAGS, _number(parameters[1:]))
     if parameters == "0" and final == "n":
         return Report(ReportKind.WELL)
+    if final == "_" and (always := _WIN32_ALWAYS.fullmatch(parameters)):
+        return KeyEvent(chr(int(always[1])))
+    if final == "y" and (mode := _WHEEL_MODE.fullmatch(parameters)):
+        return Report(ReportKind.WHEEL_MODE, int(int(mode[1]) in _RESET_MODES))
     if parameters == "" and final == "O":
         return KeyEvent(FOCUS_OUT)
     if _REPORTS.fullmatch(parameters + final):
@@ -316,14 +352,15 @@ def _sequence(parameters: str, final: str) -> KeyEvent | Report | None:
 def _key(codes: list[int], modifiers: int, kind: KeyKind) -> str | None:
     """Return the key of a code, with its alternatives (shifted, and on the US layout) if they are reported.
 
-    Only the question mark is taken from the shifted alternative, because its key differs between layouts. A release is that
-    of the key alone: Shift or Ctrl may have been pressed after the key, and then the release must end that key's press.
+    Only the question mark and the digits of the levels are taken from the shifted alternative, because their keys differ
+    between layouts. A release is that of the key alone: Shift or Ctrl may have been pressed after the key, and then the
+    release must end that key's press.
     """
     code = codes[0]
     if any(_is_space(chr(code)) for code in codes if 0 < code <= sys.maxunicode):
         return SPACE
-    if modifiers & _SHIFT and codes[1:2] == [ord(QUESTION)] and kind is not KeyKind.RELEASE:
-        return QUESTION
+    if modifiers & _SHIFT and len(codes) > 1 and codes[1] in _SHIFTED and kind is not KeyKind.RELEASE:
+        return chr(codes[1])
     if code > 0x7F and code not in _PRIVATE_USE and len(codes) > 2:
         code = codes[2]
     if code in _MODIFIER_KEYS:

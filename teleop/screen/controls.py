@@ -47,7 +47,7 @@ LEGENDS = {
         KeyHelp("u i o", "hold: forward, and turn"),
         KeyHelp("j k l", "hold: turn; k stops"),
         KeyHelp("m , .", "hold: backward, and turn"),
-        KeyHelp("arrows", "the same"),
+        KeyHelp("arrows", "the same; not in tmux"),
         *_STOPS,
         KeyHelp("q / z", "both speeds +10 / -10 %"),
         KeyHelp("w / x", "linear, e / c angular"),

@@ -531,6 +531,7 @@ async def test_at_rest_no_key_is_demanded() -> None:
 
 async def test_a_held_key_and_a_gamepad_need_no_vigilance() -> None:
     async with bench(_hold(reported=True, ramp=Ramp(1e6, 1e6)), Control.HOLD) as b:
+        b.keys.happen(KeyEvent("i", KeyKind.RELEASE))
         await b.press("i")
         await asyncio.sleep(60.0)
         assert (b.velocity(), b.screen.notes) == ((0.5, 0.0), [])

@@ -47,10 +47,12 @@ __main__.main()
 """,
 )
 
-SEQUENCE = re.compile(rb"\x1b\[([<>?=]?)([0-9;]*)([@-~])")
-UNFINISHED = re.compile(rb"\x1b(\[[<>?=0-9;]*)?\Z")
+SEQUENCE = re.compile(rb"\x1b\[([<>?=]?)([0-9;]*)(\$?[@-~])")
+UNFINISHED = re.compile(rb"\x1b(\[[<>?=0-9;]*\$?)?\Z")
 
 
+ARROWS_PER_NOTCH = 3
+"""Of the mouse wheel, on a terminal with alternate scroll."""
 AGAIN_S = 2.0
 """After this time without an effect, a person presses a key again."""
 
@@ -146,6 +148,7 @@ class Operator:
         term: the terminal's type.
         kitty: the supported flags of the kitty keyboard protocol; None: not supported.
         answers: whether it answers status requests, as practically every terminal does.
+        obeys_1007: whether a program can keep the wheel from sending arrows, and ask for it; it cannot in kitty, for example.
         environment: the environment, without the terminal's type; None: that of this process.
     """
 
@@ -155,10 +158,11 @@ class Operator:
         term: str = "xterm-256color",
         kitty: int | None = None,
         answers: bool = True,
+        obeys_1007: bool = True,
         environment: Mapping[str, str] | None = None,
     ) -> None:
         self._master, self.slave = pty.openpty()
-        self.kitty, self.answers = kitty, answers
+        self.kitty, self.answers, self.obeys_1007 = kitty, answers, obeys_1007
         self.kitty_flags: list[int] = []
         """As they were pushed."""
         self.modes_on = {"1007"}
@@ -256,18 +260,22 @@ class Operator:
     def _takes(self, private: str, number: str, final: str) -> bool:
         """Handle a sequence that pyte does not know; return False if pyte knows it."""
         if private == "?" and final in "hl":
-            (self.modes_on.add if final == "h" else self.modes_on.discard)(number)
+            (self.modes_on.update if final == "h" else self.modes_on.difference_update)(number.split(";"))
             if number == "1049":
                 self._screen = int(final == "h")
                 self._screens[1].reset()
             return number != "25"
-        if final == "u":
+        if final == "$p":
+            if self.answers:
+                is_set = 0 if not self.obeys_1007 else 1 if number in self.modes_on else 2
+                self.type(f"\x1b[?{number};{is_set}$y".encode())
+        elif final == "u":
             self._on_kitty(private, number)
         elif (number, final) == ("5", "n"):
             self.unanswered += 1
             if self.answers:
                 self.answer_all()
-        return final in "un"
+        return final in ("u", "n", "$p")
 
     def _on_kitty(self, private: str, number: str) -> None:
         if self.kitty is None:
@@ -299,6 +307,11 @@ class Operator:
         """Press a key anew by the kitty protocol, without releasing it."""
         self.key(code, 3)
         self.key(code, 1)
+
+    def scroll(self) -> None:
+        """Turn the mouse wheel by one notch: on the alternate screen, most terminals send three arrows instead."""
+        if self._screen == 1 and ("1007" in self.modes_on or not self.obeys_1007):
+            self.type((b"\x1bOA" if "1" in self.modes_on else b"\x1b[A") * ARROWS_PER_NOTCH)
 
     def paste(self, text: bytes) -> None:
         """Paste a text, marked if the program asked for it."""
@@ -338,9 +351,18 @@ async def operator(
     term: str = "xterm-256color",
     kitty: int | None = None,
     answers: bool = True,
+    obeys_1007: bool = True,
 ) -> AsyncGenerator[Operator]:
     made = Operator(
-        sys.executable, *command, "--endpoint", endpoint, *arguments, term=term, kitty=kitty, answers=answers
+        sys.executable,
+        *command,
+        "--endpoint",
+        endpoint,
+        *arguments,
+        term=term,
+        kitty=kitty,
+        answers=answers,
+        obeys_1007=obeys_1007,
     )
     made.endpoint = endpoint
     try:

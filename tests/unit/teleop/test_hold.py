@@ -15,6 +15,7 @@ from teleop.pilots.keyboard import (
     PROOF_S,
     SPEEDS,
     TAP_S,
+    UNPROVEN_S,
     WINDOW_INTERVALS,
     Hold,
     Repeats,
@@ -60,6 +61,7 @@ def test_a_key_moves_from_its_press_to_its_release(key: str, velocity: tuple[flo
     subject = pilot()
     assert happen(subject, (key, PRESS)) == Velocity(*velocity)
     assert subject.wanted() == Velocity(*velocity)
+    happen(subject, ("f1", RELEASE))
     assert happen(subject, (key, REPEAT), at_s=60.0) == Velocity(*velocity)
     assert str(happen(subject, (key, RELEASE), at_s=60.0)) == str(NEUTRAL)
 
@@ -209,6 +211,66 @@ def test_without_releases_the_robot_stops_when_no_key_has_repeated_recently(
     assert subject.velocity(now_s + longest_s) == NEUTRAL
 
 
+def test_before_the_first_release_a_key_counts_for_a_second_after_its_newest_repeat() -> None:
+    subject, said = pilot(), list[str]()
+    subject.say = said.append
+    assert happen(subject, ("i", PRESS), at_s=1.0) == Velocity(0.5)
+    assert subject.next_s == 1.0 + UNPROVEN_S
+    assert happen(subject, ("i", REPEAT), at_s=1.5) == Velocity(0.5)
+    assert happen(subject, ("l", PRESS), at_s=1.6) == Velocity(0.5, -1.0)
+    assert subject.velocity(math.nextafter(1.5 + UNPROVEN_S, 0.0)) == Velocity(0.5, -1.0)
+    assert said == []
+    assert subject.velocity(1.5 + UNPROVEN_S) == Velocity(0.0, -1.0)
+    assert said == ["no key release from this terminal yet: a key counts for 1 s"]
+    assert happen(subject, ("i", REPEAT), at_s=2.55) == Velocity(0.0, -1.0)
+    assert happen(subject, ("f1", RELEASE), at_s=2.59) == Velocity(0.0, -1.0)
+    assert (subject.velocity(60.0), subject.next_s) == (Velocity(0.0, -1.0), math.inf)
+    for reported in (False, True):
+        subject.rely_on_releases(reported=reported)
+    assert happen(subject, ("i", PRESS), at_s=61.0) == Velocity(0.5)
+    assert subject.velocity(61.0 + UNPROVEN_S) == NEUTRAL, "another terminal must prove it again"
+
+
+VOID = "a key that was held at a stop moves nothing: let go of it, and press it again"
+
+
+def test_the_repeats_of_a_key_that_was_held_at_a_stop_are_shown_to_be_void_once() -> None:
+    subject, said = pilot(), list[str]()
+    subject.say = said.append
+    happen(subject, ("i", PRESS), ("i", REPEAT), ("k", PRESS))
+    assert said == []
+    for _ in range(3):
+        assert happen(subject, ("i", REPEAT)) == NEUTRAL
+        assert happen(subject, ("k", PRESS)) == NEUTRAL
+    assert said == [VOID]
+    happen(subject, ("i", RELEASE), ("i", PRESS), ("k", PRESS), ("i", REPEAT))
+    assert said == [VOID] * 2
+
+
+def test_without_releases_the_void_repeats_are_shown_once_too() -> None:
+    subject, said = pilot(releases=False), list[str]()
+    subject.say = said.append
+    for number in range(4):
+        happen(subject, ("i", PRESS), at_s=number * 0.03)
+    subject.let_go()
+    for number in range(4, 20):
+        assert happen(subject, ("i", PRESS), at_s=number * 0.03) == NEUTRAL
+    assert said == [VOID]
+
+
+def test_a_key_that_was_held_when_the_terminal_stopped_reporting_releases_is_not_held_by_its_repeats() -> (
+    None
+):
+    subject = pilot()
+    happen(subject, ("i", PRESS), at_s=0.0)
+    subject.rely_on_releases(reported=False)
+    for number in range(40):
+        assert happen(subject, ("i", REPEAT), at_s=0.5 + number * 0.03) == NEUTRAL
+    for later_s in (3.0, 3.03):
+        happen(subject, ("i", PRESS), at_s=later_s)
+    assert subject.velocity(3.04) == Velocity(0.5)
+
+
 # --- repeats
 
 
@@ -346,6 +408,30 @@ def test_the_repeats_of_a_key_that_was_held_at_a_stop_are_void_until_a_pause() -
     for later_s in (2.0, 2.03):
         repeats.press("i", later_s)
     assert repeats.held(2.04) == "i"
+
+
+def test_the_time_for_which_keys_were_not_taken_after_a_stop_is_no_pause() -> None:
+    repeats = Repeats()
+    for number in range(4):
+        repeats.press("i", number * 0.03)
+    repeats.forget()
+    for start_s in (1.0, 3.0):
+        for number in range(40):
+            repeats.press("i", start_s + number * 0.03)
+            assert repeats.held(start_s + number * 0.03) is None
+        repeats.forget()
+
+
+def test_a_key_that_is_pressed_anew_after_a_stop_counts_once_it_repeats() -> None:
+    subject, said = pilot(releases=False), list[str]()
+    subject.say = said.append
+    for at_s in (0.0, 0.5, 0.53):
+        happen(subject, ("i", PRESS), at_s=at_s)
+    subject.let_go()
+    for at_s in (2.0, 2.25):
+        assert happen(subject, ("i", PRESS), at_s=at_s) == NEUTRAL
+    assert happen(subject, ("i", PRESS), at_s=2.28) == Velocity(0.5)
+    assert said == []
 
 
 def test_another_key_counts_at_once_after_a_stop() -> None:

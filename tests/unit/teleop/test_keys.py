@@ -20,10 +20,13 @@ from teleop.pilots.keys import (
     PASTED,
     PAUSE_S,
     PLAIN,
+    REPLY,
+    REPLY_PAUSE_S,
     SEVERAL,
     TOGETHER_S,
     UNFINISHED,
     UNKNOWN,
+    WHEEL,
     Command,
     KeyDecoder,
     Report,
@@ -80,6 +83,8 @@ FRAGMENTS = (
     b"\x1b[0n",
     b"\x1b[200~",
     b"\x1b[201~",
+    b"\x1b[27;5",
+    b"\x1b[?1007;2$y",
     b"\xc2\xa0",
     b"\xe3\x80",
     b":",
@@ -100,6 +105,8 @@ pieces = st.lists(st.one_of(st.binary(max_size=6), st.sampled_from(FRAGMENTS)), 
         (b"\x1b[1;5D", "left"),
         (b"\x1bOA", "up"),
         (b"\x1bOS", "f4"),
+        (b"\x1b[1;5R", "f3"),
+        (b"\x1b[1;2R", "f3"),
         (b"\x1b[3~", "~3"),
         (b"\x1b[Z", "tab"),
         (b"\x1b[O", FOCUS_OUT),
@@ -118,6 +125,9 @@ def test_a_cursor_or_function_key_has_a_name_and_is_no_letter(sequence: bytes, k
         b"\x1b[I",
         b"\x1b[?62;22c",
         b"\x1b[24;80R",
+        b"\x1b[10;5R",
+        b"\x1b[?1;5R",
+        b"\x1b[?2026;2$y",
         b"\x1b[3n",
         b"\x1b[8;24;80t",
         b"\x1b[48;24;80;480;800t",
@@ -128,7 +138,8 @@ def test_what_a_terminal_reports_by_itself_is_no_key(sequence: bytes) -> None:
 
 
 @pytest.mark.parametrize(
-    "sequence", [b"\x1b[@", b"\x1bOj", b"\x1b[<0;10;10M", b"\x1b[t", b"\x1b[1;1;x", b"\x1b[n"]
+    "sequence",
+    [b"\x1b[@", b"\x1bOj", b"\x1b[<0;10;10M", b"\x1b[t", b"\x1b[1;1;x", b"\x1b[n"],
 )
 def test_a_sequence_that_is_neither_a_key_nor_a_report_is_an_unknown_key(sequence: bytes) -> None:
     assert keys(b"w" + sequence + b"x") == ["w", UNKNOWN, "x"]
@@ -164,6 +175,7 @@ def test_a_sequence_that_is_neither_a_key_nor_a_report_is_an_unknown_key(sequenc
         (b"\x1b[?15u", Report(ReportKind.KEYBOARD_FLAGS, 15)),
         (b"\x1b[?u", Report(ReportKind.KEYBOARD_FLAGS, 0)),
         (b"\x1b[0n", Report(ReportKind.WELL)),
+        *((b"\x1b[?1007;%d$y" % state, Report(ReportKind.WHEEL_MODE, state in (2, 4))) for state in range(5)),
     ],
 )
 def test_the_kitty_protocol_reports_what_happened_to_a_key(sequence: bytes, event: KeyEvent | Report) -> None:
@@ -183,6 +195,16 @@ def test_a_sequence_that_arrives_in_pieces_is_no_letter_either() -> None:
         [KeyEvent("left")],
         [KeyEvent("d")],
     ]
+
+
+@pytest.mark.parametrize("arrow", [b"\x1bA", b"\x1bB", b"\x1bC", b"\x1bD"])
+def test_an_arrow_of_vt52_mode_is_no_letter(arrow: bytes) -> None:
+    assert keys(arrow) == [UNKNOWN]
+
+
+def test_space_and_ctrl_c_of_win32_input_mode_come_through_and_a_letter_is_unknown() -> None:
+    assert keys(b"\x1b[32;57;32;1;0;1_\x1b[67;46;3;1;8;1_") == [" ", CTRL_C]
+    assert keys(b"\x1b[87;17;119;1;0;1_\x1b[32;57;32;0;0;1_") == [UNKNOWN, UNKNOWN]
 
 
 def test_a_key_with_alt_is_that_key() -> None:
@@ -240,15 +262,23 @@ def test_every_plain_space_and_ctrl_c_is_a_key_whatever_surrounds_it(
 
 @given(
     pieces,
-    st.sampled_from([(b"\x1b[32u", " "), (b"\x1b[99;5u", CTRL_C), (b"\x1b[1089::99;5u", CTRL_C)]),
+    st.sampled_from(
+        [
+            (b"\x1b[32u", " "),
+            (b"\x1b[99;5u", CTRL_C),
+            (b"\x1b[1089::99;5u", CTRL_C),
+            (b"\x1b[27;5;99~", CTRL_C),
+            *((b"\x1b[27;%d;32~" % modifiers, " ") for modifiers in (1, 2, 5, 9, 255)),
+        ]
+    ),
     st.sampled_from([b"", b";1:1", b";5", b";5:1", b";69:1", b";255:1", b";5:2"]),
-    st.integers(0, 10),
+    st.integers(0, 11),
 )
-def test_every_space_and_ctrl_c_of_the_kitty_protocol_is_a_key_whatever_came_before_and_however_it_is_cut(
+def test_every_space_and_ctrl_c_of_another_coding_is_a_key_whatever_came_before_and_however_it_is_cut(
     before: list[bytes], plain: tuple[bytes, str], more: bytes, cut: int
 ) -> None:
     sequence, key = plain
-    if key == " ":
+    if sequence == b"\x1b[32u":
         sequence = sequence[:-1] + more + b"u"
     decoder = KeyDecoder()
     for piece in before:
@@ -340,10 +370,26 @@ STRING_REPLIES = [
 """Replies that another program asked for: a colour, the terminal's name, a picture."""
 
 
+@pytest.mark.parametrize("gap_s", [0.0, PAUSE_S, REPLY_PAUSE_S / 2.5])
+@pytest.mark.parametrize("reply", STRING_REPLIES, ids=repr)
+def test_no_part_of_a_reply_to_another_program_is_a_key_however_a_slow_link_cuts_it(
+    reply: bytes, gap_s: float
+) -> None:
+    assert set(typed_apart(reply, gap_s)) == {REPLY}
+
+
+def test_a_key_counts_just_after_the_pause_that_ends_a_reply() -> None:
+    typed, reply, key = TypedKeys(), [KeyEvent(REPLY)], [KeyEvent("w")]
+    assert typed.take(reply, 0.0) == reply
+    assert typed.take([KeyEvent(UNKNOWN)], 0.5) == reply
+    assert typed.take(key, 0.5 + REPLY_PAUSE_S) == reply
+    assert typed.take(key, math.nextafter(0.5 + 2 * REPLY_PAUSE_S, 3.0)) == key
+
+
 @pytest.mark.parametrize("gap_s", [0.0, PAUSE_S / 3])
 @pytest.mark.parametrize(
     "report",
-    [*STRING_REPLIES, b"\x1b[Maw2", b"\x1b[[A", b"\x1bO5D", b"\x1b[<0;87;18M"],
+    [b"\x1b[Maw2", b"\x1b[[A", b"\x1bO5D", b"\x1b[<0;87;18M"],
     ids=repr,
 )
 def test_no_part_of_an_unknown_sequence_is_a_key_however_a_link_cuts_it(report: bytes, gap_s: float) -> None:
@@ -457,6 +503,55 @@ def test_a_question_mark_is_known_on_each_layout_and_its_release_ends_the_key_be
     assert decoder.feed(b"\x1b[" + code + b";2:1u") == [KeyEvent("?")]
     assert decoder.feed(b"\x1b[" + code + b";2:3u") == [KeyEvent(key, KeyKind.RELEASE)]
     assert decoder.feed(b"\x1b[" + code + b";1:1u") == [KeyEvent(key)]
+
+
+@pytest.mark.parametrize("digit", "12345")
+def test_a_digit_of_a_layout_on_which_it_needs_shift_is_that_digit_and_its_release_that_of_the_key_below(
+    digit: str,
+) -> None:
+    code = f"38:{ord(digit)}:{ord(digit)}"
+    assert KeyDecoder().feed(f"\x1b[{code};2:1u".encode()) == [KeyEvent(digit)]
+    assert KeyDecoder().feed(f"\x1b[{code};1:1u\x1b[{code};2:3u".encode()) == [
+        KeyEvent("&"),
+        KeyEvent("&", KeyKind.RELEASE),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("fields", "key"),
+    [
+        ("5;99", CTRL_C),
+        ("5;67", CTRL_C),
+        ("6;32", " "),
+        ("2;87", "W"),
+        ("2;51", "3"),
+        ("5;105", "tab"),
+        ("3;13", "enter"),
+        ("9;119", UNKNOWN),
+        ("2;63", "?"),
+        ("5;", "key 0"),
+    ],
+)
+def test_keys_of_modify_other_keys_are_those_keys(fields: str, key: str) -> None:
+    assert keys(f"w\x1b[27;{fields}~x".encode()) == ["w", key, "x"]
+    decoder = KeyDecoder()
+    decoder.tells_releases = True
+    assert decoder.feed(f"\x1b[27;{fields}~".encode()) == [
+        KeyEvent(key if key in (" ", CTRL_C) else PLAIN)
+    ], "no release of it will follow"
+
+
+@pytest.mark.parametrize(
+    "arrow", [b"\x1b[A", b"\x1bOB", b"\x1b[1;5C", b"\x1b[1;1:2D", b"\x1b[57419u", b"\x9bA"]
+)
+def test_an_arrow_that_may_be_the_wheel_is_none_but_its_release_is(arrow: bytes) -> None:
+    decoder = KeyDecoder()
+    decoder.doubts_arrows = True
+    assert decoder.feed(arrow + b"i\x1b[1;1:3A") == [
+        KeyEvent(WHEEL),
+        KeyEvent("i"),
+        KeyEvent("up", RELEASE),
+    ]
 
 
 # --- the program's keys

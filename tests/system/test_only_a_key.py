@@ -1,0 +1,197 @@
+"""Only a key that a person presses moves the robot: the wheel, other programs on the terminal, and terminals that misreport do not."""
+
+import asyncio
+import signal
+import sys
+import termios
+import time
+
+import pytest
+
+from tests.system.multiplexers import behind, needs
+from tests.system.operators import (
+    INTERVAL_S,
+    LIMIT_S,
+    PATIENT,
+    ZERO,
+    Hub,
+    Operator,
+    driving,
+    free_endpoint,
+    hold_down,
+    hub,
+    operator,
+    press,
+    ready,
+    until,
+)
+
+HOLD = ("--mode", "hold")
+ALL_FLAGS = 31
+NOTCHES = 40
+"""Of the wheel, one every `INTERVAL_S`."""
+UNPROVEN_LIMIT_S = 1.5
+"""A held key counts for 1 s at most before the first release; the rest is the transport on a busy machine."""
+ESTOP_LIMIT_S = 0.2
+
+
+async def scroll(op: Operator) -> None:
+    for _ in range(NOTCHES):
+        op.scroll()
+        await asyncio.sleep(INTERVAL_S)
+
+
+async def held(h: Hub, op: Operator) -> None:
+    """Wait until teleop relies on key releases, and hold a key."""
+    await ready(h, op)
+    await until(lambda: "releases reported" in op.picture)
+    await press(lambda: op.hold("i"), lambda: h.asks(0.5, 0.0))
+
+
+# --- the wheel
+
+
+@pytest.mark.parametrize("program", [pytest.param(p, marks=needs(p)) for p in ("tmux", "screen", "mosh")])
+async def test_behind_a_program_that_hides_the_terminal_the_wheel_moves_nothing_and_a_letter_does(
+    program: str,
+) -> None:
+    endpoint = free_endpoint()
+    async with hub(endpoint) as h:
+        with behind(program, sys.executable, *PATIENT, "--endpoint", endpoint, *HOLD) as client:
+            await ready(h, client, 2 * LIMIT_S)
+            assert "1007" in client.modes_on
+            await scroll(client)
+            await until(lambda: "ignored an arrow" in client.picture)
+            assert set(h.velocities) == {ZERO}
+            await hold_down(client, b"i", lambda: h.asks(0.5, 0.0))
+            await until(lambda: h.asks(*ZERO))
+
+
+@pytest.mark.parametrize("kitty", [None, ALL_FLAGS])
+@pytest.mark.parametrize("options", [(), ("--plain",)])
+async def test_the_wheel_of_a_terminal_that_always_converts_it_moves_nothing(
+    options: tuple[str, ...], kitty: int | None
+) -> None:
+    endpoint = free_endpoint()
+    async with (
+        hub(endpoint) as h,
+        operator(endpoint, *HOLD, *options, kitty=kitty, obeys_1007=False) as op,
+    ):
+        await ready(h, op)
+        op.type(b"\x1b[A" * NOTCHES)
+        op.type(b"\x1b[1;1:1A\x1b[1;1:2A")
+        await until(lambda: "ignored an arrow" in op.output)
+        assert set(h.velocities) == {ZERO}
+
+
+async def test_an_arrow_drives_on_a_terminal_whose_wheel_sends_none_until_another_program_changes_it() -> (
+    None
+):
+    endpoint = free_endpoint()
+    async with hub(endpoint) as h, operator(endpoint, *HOLD) as op:
+        await ready(h, op)
+        await hold_down(op, b"\x1b[A", lambda: h.asks(0.5, 0.0))
+        await until(lambda: h.asks(*ZERO))
+        answered = op.answered
+        op.modes_on.add("1007")
+        await until(lambda: op.answered >= answered + 2)
+        seen = len(h.velocities)
+        await scroll(op)
+        await until(lambda: "ignored an arrow" in op.picture)
+        assert set(h.velocities[seen:]) == {ZERO}
+
+
+# --- key releases
+
+
+async def test_a_held_key_ends_when_teleop_is_stopped_and_continued() -> None:
+    endpoint = free_endpoint()
+    async with hub(endpoint) as h, operator(endpoint, *HOLD, kitty=ALL_FLAGS) as op:
+        await held(h, op)
+        op.send(signal.SIGSTOP)
+        op.send(signal.SIGCONT)
+        await until(lambda: h.asks(*ZERO), 1.0)
+        await held(h, op)
+
+
+async def test_a_held_key_ends_when_another_program_resets_the_keyboard_flags() -> None:
+    endpoint = free_endpoint()
+    async with hub(endpoint) as h, operator(endpoint, *HOLD, kitty=ALL_FLAGS) as op:
+        await held(h, op)
+        op.kitty_flags[:] = [0]
+        await until(lambda: h.asks(*ZERO), 1.0)
+        await until(lambda: "by key repeat" in op.picture)
+
+
+async def test_before_the_first_release_a_held_key_counts_for_a_second() -> None:
+    endpoint = free_endpoint()
+    async with hub(endpoint) as h, operator(endpoint, *HOLD, kitty=ALL_FLAGS) as op:
+        await ready(h, op)
+        await until(lambda: "releases reported" in op.picture)
+        await press(lambda: op.key("i", 1), lambda: h.asks(0.5, 0.0))
+        await until(lambda: h.asks(*ZERO), UNPROVEN_LIMIT_S)
+        await until(lambda: "no key release" in op.picture)
+
+
+# --- other programs on the terminal
+
+
+async def test_space_is_the_emergency_stop_at_once_after_another_program_has_reset_the_terminal() -> None:
+    async with driving() as (h, op):
+        ours = op.modes()
+        termios.tcsetattr(op.slave, termios.TCSANOW, list(op.modes_before))  # like `stty sane`
+        pressed_s = time.monotonic()
+        op.type(b" ")
+        await until(h.got_estop)
+        assert time.monotonic() - pressed_s <= ESTOP_LIMIT_S
+        await until(lambda: op.modes() == ours)
+
+
+async def test_mouse_modes_that_an_earlier_program_left_on_are_switched_off() -> None:
+    async with driving() as (_, op):
+        assert all(f"\x1b[?{mode}l" in op.output for mode in (9, 1000, 1001, 1002, 1003))
+
+
+# --- keys in the coding of other programs
+
+
+CTRL_SPACES = (b"\0", b"\x1b[27;5;32~", b"\x1b[32;5u")
+
+
+@pytest.mark.parametrize("space", CTRL_SPACES)
+async def test_ctrl_space_is_the_emergency_stop_in_each_coding(space: bytes) -> None:
+    async with driving() as (h, op):
+        op.type(space)
+        await until(lambda: h.got_estop() and h.asks(*ZERO))
+
+
+@pytest.mark.parametrize("key", [b"\x1b[1;5R", b"\x1b[1;2R", b"\x1bOR"], ids=["Ctrl-F3", "Shift-F3", "F3"])
+async def test_f3_stops_with_any_modifier(key: bytes) -> None:
+    async with driving() as (h, op):
+        op.type(key)
+        await until(lambda: h.asks(*ZERO), 2.0)
+        await until(lambda: "ignored f3" in op.picture)
+
+
+async def test_a_shifted_digit_of_a_french_keyboard_sets_the_level() -> None:
+    endpoint = free_endpoint()
+    async with hub(endpoint) as h, operator(endpoint, *HOLD, kitty=ALL_FLAGS) as op:
+        await held(h, op)
+        op.type(b"\x1b[34:51:51;2:1u")  # Shift and the key of 3
+        await until(lambda: "3 of 5" in op.picture, 2.0)
+        assert h.asks(0.5, 0.0)
+
+
+async def test_a_key_that_is_held_through_a_stop_is_reported_once() -> None:
+    endpoint = free_endpoint()
+    async with hub(endpoint) as h, operator(endpoint, *HOLD, kitty=ALL_FLAGS) as op:
+        await held(h, op)
+        op.key("k", 1)
+        await until(lambda: h.asks(*ZERO))
+        seen = len(h.velocities)
+        for _ in range(20):
+            op.key("i", 2)
+            await asyncio.sleep(INTERVAL_S)
+        await until(lambda: "held at a stop" in op.picture, 2.0)
+        assert op.output.count("held at a stop") == 1
+        assert set(h.velocities[seen:]) == {ZERO}
