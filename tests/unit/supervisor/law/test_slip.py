@@ -207,7 +207,7 @@ def test_a_view_without_returns_shows_nothing() -> None:
 
 
 def test_a_beam_is_counted_from_the_first_one_in_the_direction_of_the_scan() -> None:
-    points = 2.0 * np.exp(1j * np.array([0.25, 1.0, -0.25]) * math.pi / 2)
+    points = np.array([cmath.rect(2.0, angle * math.pi) for angle in (0.125, 0.5, -0.125)])
     assert beams_at(Geometry(8, 0.0, math.pi / 4), points) == pytest.approx([0.5, 2.0, 7.5])
     assert beams_at(Geometry(8, 0.0, -math.pi / 4), points) == pytest.approx([7.5, 6.0, 0.5])
     assert beams_at(Geometry(8, math.pi / 2, math.pi / 4), points) == pytest.approx([6.5, 0.0, 5.5])
