@@ -39,7 +39,7 @@ class Run(_Record):
     t3_s: Seconds | None
     """Standstill: the speed remained below 0.01 m/s for 0.2 s."""
     v0_m_s: Positive
-    """Speed at the fault, by the lidar."""
+    """Speed at the fault; the commanded one of a run that did not stop."""
     distance_m: Metres | None
     """From the fault to the standstill, by the lidar; None if it was not seen."""
     odometry_m: Metres | None
