@@ -1,10 +1,11 @@
 """The cells of a measurement: which faults, from which speeds, and the free area that each needs."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from enum import StrEnum
 from typing import NamedTuple
 
 from commission.plan import MARGIN_M, Base
+from deploy.stack.errors import DeployError
 from supervisor.config import SupervisorSection
 from supervisor.measured import MeasuredSection
 
@@ -52,6 +53,18 @@ NOT_TESTED = (
     "the process ros2 or its computer dead",
     "without Lifeline",
 )
+
+
+def faults_named(names: Iterable[str]) -> list[Fault]:
+    """Return the faults with these names.
+
+    Raises:
+        DeployError: there is no such fault.
+    """
+    try:
+        return [Fault(name) for name in names]
+    except ValueError as error:
+        raise DeployError(f"{error}; there are: {', '.join(Fault)}") from error
 
 
 class Plan(NamedTuple):
@@ -124,3 +137,6 @@ def standing_s(speed_m_s: float, base: Base) -> float:
 
 
 UNSEEN_S = 0.5
+"""Time in which a base that obeys also stands if its numbers are a little worse."""
+SIDE_M = 0.5
+"""How far the robot may stand from the place that was confirmed, to the side and back."""

@@ -130,9 +130,9 @@ class Injector:
             case Fault.OPERATOR_KILLED | Fault.OPERATOR_STOPPED | Fault.LINK_CUT:
                 self._operator.hit(fault)
             case Fault.SUPERVISOR_KILLED:
-                self._signal(signal.SIGKILL)
+                now_s = self._signal(signal.SIGKILL)
             case Fault.SUPERVISOR_STOPPED:
-                self._signal(signal.SIGSTOP)
+                now_s = self._signal(signal.SIGSTOP)
             case Fault.LIDAR_SILENT | Fault.ODOMETRY_SILENT:
                 await self._sensors(SENSORS[fault])
             case Fault.ESTOP:
@@ -162,10 +162,18 @@ class Injector:
             return str(error)
         return None if reply.success else reply.message
 
-    def _signal(self, number: signal.Signals) -> None:
+    def _signal(self, number: signal.Signals) -> float:
+        """Signal the supervisor; return the time just before.
+
+        Raises:
+            InjectionError: it does not run.
+        """
         for process in processes.of(self._state.path):
             if process.name == topics.SUPERVISOR:
+                now_s = time.monotonic()
                 processes.send(process, self._state.path, number)
+                return now_s
+        raise InjectionError("the supervisor does not run")
 
     async def _sensors(self, faults: str) -> None:
         try:

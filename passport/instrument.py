@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -17,7 +18,7 @@ LARGEST = 1.0
 
 
 def instrument(
-    lidar: str, walls: Floats, odometry_s: Floats, *, top_m_s: float, latency_s: float
+    lidar: str, walls: Floats, odometry_s: Sequence[float], *, top_m_s: float, latency_s: float | None
 ) -> Instrument | None:
     """Return the instrument; None if the robot at rest was not seen well enough.
 
@@ -27,14 +28,16 @@ def instrument(
     Args:
         lidar: its name.
         walls: (n, 2) arrival [s], distance of the wall at rest [m].
-        odometry_s: (m,) arrival [s].
+        odometry_s: arrival [s].
         top_m_s: the top speed.
-        latency_s: the uncertainty of the latency of the scans.
+        latency_s: the uncertainty of the latency of the scans; None: it was not measured, and one period of the scans is assumed.
     """
     if min(len(walls), len(odometry_s)) < LEAST_SCANS:
         return None
     noise_m = float(np.std(walls[:, 1], ddof=1))
-    apart_s = max(after - before for before, after in itertools.pairwise(odometry_s.tolist()))
+    apart_s = max(after - before for before, after in itertools.pairwise(odometry_s))
+    if latency_s is None:
+        latency_s = float(np.median(np.diff(walls[:, 0])))
     found = 2.0 * math.sqrt(2.0) * noise_m + top_m_s * latency_s
     if max(found, apart_s) > LARGEST:
         return None

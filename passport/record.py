@@ -12,9 +12,13 @@ MAX_BYTES = 32 << 20
 """Of the JSON text."""
 MAX_CELLS, MAX_RUNS, MAX_SAMPLES = 64, 1000, 400
 """Of a record, of a cell, and of a trace."""
+MAX_DEVIATIONS = 1000
+"""Of a record; the newest are kept."""
+MAX_TEXT, MAX_SENTENCE = 300, 1000
+"""Characters."""
 
-Text = Annotated[str, Field(max_length=300)]
-Sentence = Annotated[str, Field(min_length=1, max_length=1000)]
+Text = Annotated[str, Field(max_length=MAX_TEXT)]
+Sentence = Annotated[str, Field(min_length=1, max_length=MAX_SENTENCE)]
 Seconds = Annotated[float, Field(ge=-60.0, le=600.0, allow_inf_nan=False)]
 """Time from the fault."""
 Metres = Annotated[float, Field(ge=-200.0, le=200.0, allow_inf_nan=False)]
@@ -115,7 +119,7 @@ class Passport(_Record):
     instrument: Instrument
     cells: Annotated[tuple[Cell, ...], Field(max_length=MAX_CELLS)] = ()
     not_tested: Annotated[tuple[Sentence, ...], Field(max_length=64)] = ()
-    deviations: Annotated[tuple[Sentence, ...], Field(max_length=1000)] = ()
+    deviations: Annotated[tuple[Sentence, ...], Field(max_length=MAX_DEVIATIONS)] = ()
 
     def to_json(self) -> str:
         """Return the JSON text; equal records have equal texts."""

@@ -18,8 +18,12 @@ class ForeignError(ValueError):
     """The content cannot be used; the message says why."""
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path, most_bytes: int | None = None) -> str:
     """Return the content of a file, without the byte order mark that some editors write.
+
+    Args:
+        path: the file.
+        most_bytes: a larger file is refused; None: `MAX_BYTES`.
 
     Raises:
         OSError: the file cannot be read.
@@ -27,10 +31,11 @@ def read_text(path: Path) -> str:
     """
     if path.is_fifo():
         raise ForeignError("it is a pipe, and would be waited for")
+    most = MAX_BYTES if most_bytes is None else most_bytes
     with path.open("rb") as file:
-        content = file.read(MAX_BYTES + 1)
-    if len(content) > MAX_BYTES:
-        raise ForeignError(f"it is larger than {MAX_BYTES >> 20} MiB")
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise ForeignError(f"it is larger than {most >> 20} MiB")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
