@@ -5,6 +5,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from commission.plan import MARGIN_M, Base
+from commission.stopping import LEAST_SPEED_M_S
 from deploy.stack.errors import DeployError
 from supervisor.config import SupervisorSection
 from supervisor.measured import MeasuredSection
@@ -118,25 +119,31 @@ LEAST_DECELERATION_M_S2 = 0.05
 """The least that can be configured; a measured limit may be lower, even negative."""
 
 
-def needs_m(speed_m_s: float, base: Base) -> float:
-    """Return the free distance ahead of the hull that a run needs: run-up, longest stop and margin."""
-    return base.run_up_m(speed_m_s) + base.stop_m(speed_m_s) + MARGIN_M
+def needs_m(plan: Plan, base: Base) -> float:
+    """Return the free distance ahead of the hull that a run needs: run-up, longest stop and margin.
+
+    While a fault takes the recorder, nothing can be done about a base that drives on: this distance is needed too.
+    """
+    unseen_s = standing_s(plan, base) if plan.fault.takes_recorder else 0.0
+    speed_m_s = plan.speed_m_s
+    return base.run_up_m(speed_m_s) + speed_m_s * unseen_s + base.stop_m(speed_m_s) + MARGIN_M
 
 
-def problem(speed_m_s: float, base: Base, ahead_m: float) -> str | None:
-    """Return why a cell does not fit into the free distance ahead of the hull; None if it does."""
-    needed_m = needs_m(speed_m_s, base)
-    if needed_m <= ahead_m:
-        return None
-    return f"it needs {needed_m:.2f} m ahead of the hull, and the wall is {ahead_m:.2f} m away"
+def problem(plan: Plan, base: Base, ahead_m: float) -> str | None:
+    """Return why a cell cannot be measured with the free distance ahead of the hull; None if it can."""
+    if plan.speed_m_s < LEAST_SPEED_M_S:
+        return f"stops are measured from {LEAST_SPEED_M_S:g} m/s on"
+    needed_m = needs_m(plan, base)
+    if needed_m > ahead_m:
+        return f"it needs {needed_m:.2f} m ahead of the hull, and the wall is {ahead_m:.2f} m away"
+    return None
 
 
-def standing_s(speed_m_s: float, base: Base) -> float:
-    """Return the time after which the base stands, whatever happened [s]: for a fault that nothing can be seen of."""
-    return base.reaction_s + speed_m_s / base.deceleration_m_s2 + UNSEEN_S
+def standing_s(plan: Plan, base: Base) -> float:
+    """Return the time from the fault after which the base stands [s], also if its numbers are a little worse."""
+    return base.reaction_s + plan.speed_m_s / base.deceleration_m_s2 + LATER_S
 
 
-UNSEEN_S = 0.5
-"""Time in which a base that obeys also stands if its numbers are a little worse."""
+LATER_S = 0.3
 SIDE_M = 0.5
 """How far the robot may stand from the place that was confirmed, to the side and back."""

@@ -173,11 +173,11 @@ class Measurement:
         found = await self._instrument(wall, top_m_s)
         floor = await self._driver.ask("Type what the floor is, such as smooth concrete.")
         results = Results(self._orders.out, self._begun(top_m_s, found, floor))
-        fitting = [one for one in plans if cells.problem(one.speed_m_s, self._base, self._gap_m()) is None]
+        fitting = [one for one in plans if cells.problem(one, self._base, self._gap_m()) is None]
         if fitting:
-            needed_m = max(cells.needs_m(one.speed_m_s, self._base) for one in fitting)
+            needed_m = max(cells.needs_m(one, self._base) for one in fitting)
             await self._confirm(
-                f"The robot drives {needed_m:.1f} m toward the wall at most, and back to where it stands now, {len(plans)} cells with "
+                f"The robot drives {needed_m:.1f} m toward the wall at most, and back to where it stands now, {len(fitting)} cells with "
                 f"{self._orders.runs} runs each. While the supervisor is killed or stopped, only the base itself and you can stop "
                 f"it. Keep this area free, and {cells.SIDE_M:g} m beside the robot and behind it. Type go to drive.",
                 "go",
@@ -267,9 +267,7 @@ class Measurement:
         name = f"{plan.fault.words} at {plan.speed_m_s:g} m/s, load {load_percent} %"
         if results.runs(plan, load_percent) >= self._orders.runs:
             return
-        refusal = cells.problem(plan.speed_m_s, self._base, self._gap_m()) or await self._injector.refusal(
-            plan.fault
-        )
+        refusal = cells.problem(plan, self._base, self._gap_m()) or await self._injector.refusal(plan.fault)
         results.refuse(plan, load_percent, refusal)
         if refusal is not None:
             self._say(f"{name}: not measured: {refusal}")
@@ -308,8 +306,11 @@ class Measurement:
         """
         trace = self._driver.trace.between(seen.start_s, seen.rest_s)
         odometry, walls = trace.toward(seen.start), trace.walls()
+        is_seen = not plan.fault.takes_recorder
         if not seen.is_stopped:
-            return no_stop(seen.fault_s, seen.rest_s, trace.commands, odometry, plan.speed_m_s)
+            return no_stop(
+                plan.speed_m_s, seen.fault_s, seen.rest_s, trace.commands, odometry, is_seen=is_seen
+            )
         walls[:, 1] /= math.cos(self._driver.bearing_rad(seen.before))  # the robot does not face it exactly
         run = run_of(
             seen.fault_s,
@@ -317,7 +318,7 @@ class Measurement:
             trace.commands,
             odometry,
             walls,
-            is_seen=not plan.fault.takes_recorder,
+            is_seen=is_seen,
             scale=self._robot.scale,
             latency_s=self._robot.latency_s()[0],
             uncertainty_m=found.uncertainty_m,
@@ -339,7 +340,7 @@ class Measurement:
             problem = await self._injector.reset()
             if problem is not None:
                 self._say(f"the e-stop was not reset: {problem}")
-            await self._rounds.fresh_status()
+            await self._rounds.all_heard()
 
 
 def _in_words(run: Run) -> str:

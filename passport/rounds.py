@@ -31,6 +31,8 @@ TURN_RAD = 0.05
 LEAST_SHARE = 0.9
 """Of the commanded speed, at the fault."""
 STANDS_S = 0.5
+UNSEEN = {Fault.LIDAR_SILENT, Fault.ODOMETRY_SILENT, Fault.SUPERVISOR_KILLED, Fault.SUPERVISOR_STOPPED}
+"""After these, the wall is searched for again."""
 
 
 class Place(NamedTuple):
@@ -76,7 +78,7 @@ class Rounds:
         status = self._driver.status
         return status is not None and any(StopReason.ESTOP in some for some in status.causes_and_latched())
 
-    async def fresh_status(self) -> None:
+    async def all_heard(self) -> None:
         """Wait until every stream is heard again.
 
         Raises:
@@ -139,7 +141,7 @@ class Rounds:
         Raises:
             SurpriseError: something unexpected happened before the fault, or a key was pressed.
         """
-        problem = cells.problem(plan.speed_m_s, self._base, self._driver.gap_m(await self._wall()))
+        problem = cells.problem(plan, self._base, self._driver.gap_m(await self._wall()))
         if problem is not None:
             raise SurpriseError(problem)
         try:
@@ -156,6 +158,7 @@ class Rounds:
         try:
             while not starting.done():
                 await self._driver.beat()
+                self._check_key()
             starting.result()
         finally:
             starting.cancel()
@@ -191,24 +194,20 @@ class Rounds:
                 f"it drives {speed_m_s:.2f} m/s only: the supervisor or the base limits its speed"
             )
         fault_s = await self._injector.begin(plan.fault)
+        seen = Seen(start_s, start, before, fault_s, fault_s, is_stopped=False)
         try:
-            is_stopped = await self._watch(plan, fault_s, watch)
-            if not is_stopped:
-                return await self._stop_it(
-                    Seen(start_s, start, before, fault_s, driver.now_s, is_stopped=False)
-                )
+            if not await self._watch(plan, fault_s, watch):
+                return await self._stop_it(seen)
         finally:
             await self._injector.lift(plan.fault)
-        if plan.fault.takes_recorder or plan.fault is Fault.LIDAR_SILENT:
-            await self.fresh_status()
+        if plan.fault in UNSEEN:
+            await self.all_heard()
             await self._find_wall()
-        elif plan.fault is Fault.ODOMETRY_SILENT:
-            await self.fresh_status()
-        return await self._at_rest(plan, Seen(start_s, start, before, fault_s, driver.now_s, is_stopped=True))
+        return await self._at_rest(plan, seen)
 
     async def _watch(self, plan: Plan, fault_s: float, watch: Watch) -> bool:
         """Record until the robot stands, or as long as a robot needs of which nothing is seen; return whether it stopped."""
-        stands_s = fault_s + cells.standing_s(plan.speed_m_s, self._base)
+        stands_s = fault_s + cells.standing_s(plan, self._base)
         while True:
             await self._go_on(plan)
             now_s = self._driver.now_s
@@ -234,6 +233,9 @@ class Rounds:
         if plan.fault is Fault.ESTOP and not self.is_estop_latched:
             self._injector.press_estop()
         await self._driver.beat()
+        self._check_key()
+
+    def _check_key(self) -> None:
         if (key := self._driver.key()) is not None:
             raise SurpriseError(key)
 
@@ -257,17 +259,13 @@ class Rounds:
             "The robot did not stop. The e-stop of Lifeline is pressed: if it still moves, press its own."
         )
         await self._driver.wait(STANDS_S)
-        return seen
+        return seen._replace(rest_s=self._driver.now_s)
 
     async def _at_rest(self, plan: Plan, seen: Seen) -> Seen:
-        """Wait until the robot was seen at rest; return the run with this time.
-
-        Raises:
-            SurpriseError: it moves again.
-        """
+        """Wait until the robot was seen at rest; return the run with this time. A robot that moves on is stopped."""
         end_s = self._driver.now_s + STOP_LIMIT_S
         while not self._stands(-math.inf):
             await self._go_on(plan)
             if self._driver.now_s > end_s:
-                raise SurpriseError("the robot is not at rest after the fault")
-        return seen._replace(rest_s=self._driver.now_s)
+                return await self._stop_it(seen)
+        return seen._replace(rest_s=self._driver.now_s, is_stopped=True)

@@ -24,6 +24,8 @@ STILL_S = 0.2
 SLIP_M, SLIP_SHARE = 0.02, 0.05
 BEFORE_S, AFTER_S = 0.5, 0.3
 """What a trace shows before the fault and after the standstill."""
+MOST_M_S, MOST_M = 20.0, 200.0
+"""What a record may contain; odometry may say anything."""
 SILENT_S = 0.3
 """After a longer gap, odometry does not show the stop."""
 
@@ -86,6 +88,40 @@ class _Times(NamedTuple):
 NOT_SEEN = _Times()
 
 
+def no_stop(
+    speed_m_s: float,
+    fault_s: float,
+    now_s: float,
+    commands: Sequence[Command],
+    odometry: Floats,
+    *,
+    is_seen: bool = True,
+) -> Run:
+    """Return the run of a robot that did not stop.
+
+    Args:
+        speed_m_s: the commanded speed.
+        fault_s: when the fault began.
+        now_s: when the recording ended.
+        commands: those of the supervisor to the base.
+        odometry: as for `run_of`.
+        is_seen: as for `run_of`.
+    """
+    times = NOT_SEEN
+    if is_seen:
+        trace = _trace(_by_odometry(odometry, fault_s, 1.0), now_s - fault_s)
+        times = _Times(t0_s=0.0, t1_s=_zero(commands, fault_s, now_s), trace=trace)
+    return Run(
+        **times._asdict(),
+        v0_m_s=speed_m_s,
+        distance_m=None,
+        odometry_m=None,
+        deceleration_m_s2=None,
+        slip=False,
+        stopped=False,
+    )
+
+
 def _times(
     fault_s: float,
     rest_s: float,
@@ -106,33 +142,6 @@ def _times(
         _after_last(motion, np.abs(motion[:, 1]) >= STARTED_SHARE * float(before[:, 1].mean())),
         t3_s,
         _trace(motion, rest_s - fault_s if t3_s is None else t3_s + AFTER_S),
-    )
-
-
-def no_stop(
-    fault_s: float, now_s: float, commands: Sequence[Command], odometry: Floats, speed_m_s: float
-) -> Run:
-    """Return the run of a robot that did not stop.
-
-    Args:
-        fault_s: when the fault began.
-        now_s: when the recording ended.
-        commands: those of the supervisor to the base.
-        odometry: as for `run_of`.
-        speed_m_s: the commanded speed.
-    """
-    return Run(
-        t0_s=0.0,
-        t1_s=_zero(commands, fault_s, now_s),
-        t2_s=None,
-        t3_s=None,
-        v0_m_s=speed_m_s,
-        distance_m=None,
-        odometry_m=None,
-        deceleration_m_s2=None,
-        slip=False,
-        stopped=False,
-        trace=_trace(_by_odometry(odometry, fault_s, 1.0), now_s - fault_s),
     )
 
 
@@ -193,6 +202,7 @@ def _zero(commands: Sequence[Command], fault_s: float, rest_s: float) -> float |
 def _trace(motion: Floats, until_s: float) -> tuple[tuple[float, float, float], ...]:
     """Return at most `MAX_SAMPLES` samples of the time around the stop."""
     around = motion[(motion[:, 0] >= -BEFORE_S) & (motion[:, 0] <= until_s)]
+    around = np.clip(around, [-BEFORE_S, -MOST_M_S, -MOST_M], [until_s, MOST_M_S, MOST_M])
     every = len(around) // MAX_SAMPLES + 1
     return tuple(
         (round(at_s, 4), round(speed, 4), round(way_m, 4)) for at_s, speed, way_m in around[::every].tolist()
