@@ -141,6 +141,7 @@ class Measurement:
         self._driver = Driver(bus, orders.source, robot.lidar, hull_m, person)
         operator = Operator(robot.launch, robot.operator)
         self._injector = Injector(bus, robot.launch, state, operator)
+        self._kept = "Nothing was written"
         self._rounds = Rounds(self._driver, operator, self._injector, person, self._base, robot.operator)
 
     async def run(self, stop: asyncio.Event) -> int:
@@ -151,7 +152,7 @@ class Measurement:
         try:
             await self._steps()
         except (AbortedError, InjectionError) as error:
-            self._say(f"aborted: {error}. The runs until now are in {self._orders.out}")
+            self._say(f"aborted: {error}. {self._kept}")
             return EXIT_INTERRUPTED if stop.is_set() else EXIT_ABORTED
         finally:
             await self._driver.leave()
@@ -173,6 +174,7 @@ class Measurement:
         found = await self._instrument(wall, top_m_s)
         floor = await self._driver.ask("Type what the floor is, such as smooth concrete.")
         results = Results(self._orders.out, self._begun(top_m_s, found, floor))
+        self._kept = f"The runs until now are in {self._orders.out}"
         fitting = [one for one in plans if cells.problem(one, self._base, self._gap_m()) is None]
         if fitting:
             needed_m = max(cells.needs_m(one, self._base) for one in fitting)
@@ -183,7 +185,8 @@ class Measurement:
                 "go",
             )
         for load_percent in self._orders.loads_percent:
-            await self._load(results, load_percent)
+            if any(results.runs(plan, load_percent) < self._orders.runs for plan in fitting):
+                await self._load(results, load_percent)
             for plan in plans:
                 await self._cell(results, plan, load_percent)
 

@@ -33,6 +33,8 @@ LEAST_SHARE = 0.9
 STANDS_S = 0.5
 UNSEEN = {Fault.LIDAR_SILENT, Fault.ODOMETRY_SILENT, Fault.SUPERVISOR_KILLED, Fault.SUPERVISOR_STOPPED}
 """After these, the wall is searched for again."""
+OTHER_STOPS = {StopReason.OBSTACLE, StopReason.ESTOP}
+"""A stop by one of these would be shorter than that of the fault."""
 
 
 class Place(NamedTuple):
@@ -75,8 +77,11 @@ class Rounds:
 
     @property
     def is_estop_latched(self) -> bool:
+        return self._has_stopped(StopReason.ESTOP)
+
+    def _has_stopped(self, reason: StopReason) -> bool:
         status = self._driver.status
-        return status is not None and any(StopReason.ESTOP in some for some in status.causes_and_latched())
+        return status is not None and any(reason in some for some in status.causes_and_latched())
 
     async def all_heard(self) -> None:
         """Wait until every stream is heard again.
@@ -99,21 +104,28 @@ class Rounds:
         Raises:
             SurpriseError: something unexpected happened, or the robot is outside the area that was confirmed.
         """
-        assert self.place is not None
         await self._driver.ready()
-        there_m = self.place.gap_m - self._driver.gap_m(await self._wall())
+        there_m = await self._from_place_m()
         if there_m > LEAST_BACK_M:
             await self._driver.drive(Drive(-there_m, speed=RETURN_M_S).back(there_m), self._base)
         bearing_rad = self._driver.bearing_rad(await self._wall())
         if TURN_RAD < abs(bearing_rad) < FACING_RAD:
             await self._driver.drive(Drive(turn_rad=bearing_rad, speed=SLOW_RAD_S), self._base)
-        wall = await self._wall()
-        behind_m = self._driver.gap_m(wall) - self.place.gap_m
-        aside_m = abs(
-            float(seen_from(np.array([self._driver.trace.odometry[-1].pose]), self.place.pose)[0, 1])
-        )
-        if max(behind_m, aside_m) > SIDE_M or abs(self._driver.bearing_rad(wall)) > FACING_RAD:
+        await self._from_place_m()
+
+    async def _from_place_m(self) -> float:
+        """Return how much nearer to the wall than its place the robot stands.
+
+        Raises:
+            SurpriseError: it is outside the area, or does not face the wall.
+        """
+        assert self.place is not None
+        wall, pose = await self._wall(), self._driver.trace.odometry[-1].pose
+        there_m = self.place.gap_m - self._driver.gap_m(wall)
+        aside_m = float(seen_from(np.array([pose]), self.place.pose)[0, 1])
+        if max(-there_m, abs(aside_m)) > SIDE_M or abs(self._driver.bearing_rad(wall)) > FACING_RAD:
             raise SurpriseError("the robot has left the area that was confirmed, or does not face the wall")
+        return there_m
 
     async def _wall(self) -> Wall:
         """Return the wall; search for it if it is lost.
@@ -227,13 +239,17 @@ class Rounds:
         """Let the operator request motion, except after a plain zero.
 
         Raises:
-            SurpriseError: a key was pressed.
+            SurpriseError: a key was pressed, or something else has stopped the robot.
         """
         self._operator.request(0.0 if plan.fault is Fault.ZERO else plan.speed_m_s)
         if plan.fault is Fault.ESTOP and not self.is_estop_latched:
             self._injector.press_estop()
         await self._driver.beat()
         self._check_key()
+        own = {StopReason.ESTOP} if plan.fault is Fault.ESTOP else set[StopReason]()
+        for reason in OTHER_STOPS - own:
+            if self._has_stopped(reason):
+                raise SurpriseError(f"{reason} has stopped the robot, not the fault")
 
     def _check_key(self) -> None:
         if (key := self._driver.key()) is not None:
