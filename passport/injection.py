@@ -1,7 +1,7 @@
 """Injects a fault into the running robot, and lifts it."""
 
+import asyncio
 import signal
-import time
 
 from deploy.stack import processes
 from deploy.stack.launch import Launch
@@ -123,7 +123,7 @@ class Injector:
         Raises:
             InjectionError: it cannot be injected.
         """
-        now_s = time.monotonic()
+        now_s = asyncio.get_running_loop().time()
         match fault:
             case Fault.ZERO:
                 self._operator.request(0.0)
@@ -170,7 +170,7 @@ class Injector:
         """
         for process in processes.of(self._state.path):
             if process.name == topics.SUPERVISOR:
-                now_s = time.monotonic()
+                now_s = asyncio.get_running_loop().time()
                 processes.send(process, self._state.path, number)
                 return now_s
         raise InjectionError("the supervisor does not run")

@@ -123,7 +123,8 @@ def measure(file: Path, launch: Launch, state: StateDir, running: Launch | None,
             return EXIT_INTERRUPTED
         try:
             with TerminalPerson() as person:
-                return await Measurement(bus, person, robot, state, orders).run(stop)
+                operator = Operator(launch, robot.operator)
+                return await Measurement(bus, person, operator, robot, state, orders).run(stop)
         finally:
             await bus.close()
 
@@ -133,13 +134,14 @@ def measure(file: Path, launch: Launch, state: StateDir, running: Launch | None,
 class Measurement:
     """Conducts the measurement with one person."""
 
-    def __init__(self, bus: Bus, person: Person, robot: Robot, state: StateDir, orders: Orders) -> None:
+    def __init__(
+        self, bus: Bus, person: Person, operator: Operator, robot: Robot, state: StateDir, orders: Orders
+    ) -> None:
         self._person, self._robot, self._orders = person, robot, orders
         self._say = person.say
         self._base = cells.trusted_base(robot.config, robot.measured)
         hull_m = robot.config.footprint.hull().radius_m
         self._driver = Driver(bus, orders.source, robot.lidar, hull_m, person)
-        operator = Operator(robot.launch, robot.operator)
         self._injector = Injector(bus, robot.launch, state, operator)
         self._kept = "Nothing was written"
         self._rounds = Rounds(self._driver, operator, self._injector, person, self._base, robot.operator)
