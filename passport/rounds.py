@@ -2,7 +2,6 @@
 
 import asyncio
 import itertools
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -227,7 +226,7 @@ class Rounds:
                 if now_s > stands_s:
                     return True
                 continue
-            if self._stands(fault_s):
+            if now_s > fault_s + STANDS_S and self._stands():
                 return True
             wall = self._driver.wall()
             if now_s > stands_s + STOP_LIMIT_S or (
@@ -255,18 +254,22 @@ class Rounds:
         if (key := self._driver.key()) is not None:
             raise SurpriseError(key)
 
-    def _stands(self, since_s: float) -> bool:
-        """Return whether odometry, or the wall while odometry is silent, has shown a standing robot for `STANDS_S`."""
+    def _stands(self) -> bool:
+        """Return whether odometry, or the wall while odometry is silent, has shown a standing robot for `STANDS_S`.
+
+        Raises:
+            SurpriseError: neither shows the robot.
+        """
         begin_s = self._driver.now_s - STANDS_S
-        if begin_s < since_s:
-            return False
         trace = self._driver.trace
         recent = list(itertools.takewhile(lambda one: one.at_s > begin_s, reversed(trace.odometry)))
         if recent:
             return all(is_still(one.linear_m_s, one.angular_rad_s) for one in recent)
         seen = itertools.takewhile(lambda one: one.at_s > begin_s, reversed(trace.scans))
         distances = [one.wall.distance_m for one in seen if one.wall is not None]
-        return len(distances) > 1 and max(distances) - min(distances) < STILL_M_S * STANDS_S
+        if len(distances) < 2:
+            raise SurpriseError("the robot is not seen: if it moves, switch it off")
+        return max(distances) - min(distances) < STILL_M_S * STANDS_S
 
     async def _stop_it(self, seen: Seen) -> Seen:
         self._operator.request(0.0)
@@ -280,7 +283,7 @@ class Rounds:
     async def _at_rest(self, plan: Plan, seen: Seen) -> Seen:
         """Wait until the robot was seen at rest; return the run with this time. A robot that moves on is stopped."""
         end_s = self._driver.now_s + STOP_LIMIT_S
-        while not self._stands(-math.inf):
+        while not self._stands():
             await self._go_on(plan)
             if self._driver.now_s > end_s:
                 return await self._stop_it(seen)
