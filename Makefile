@@ -16,7 +16,7 @@ export UV_PYTHON_DOWNLOADS := never
 export UV := $(UV)
 
 # With PYTHONDONTWRITEBYTECODE, each process would compile all modules again, which takes half a second.
-COMPILE := .venv/bin/python -m compileall -q wire supervisor teleop station sim ros2 virtual deploy recordings commission faults lifeline bench tests
+COMPILE := .venv/bin/python -m compileall -q wire supervisor teleop station sim ros2 virtual deploy recordings commission passport faults lifeline bench tests
 
 .DEFAULT_GOAL := help
 # rclpy comes from ROS 2 Jazzy if it is installed, else from PyPI's wheels, which exist for CPython on x86_64 Linux only.

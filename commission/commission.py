@@ -29,7 +29,7 @@ from teleop.holder import HeldError
 from teleop.terminal import is_terminal
 from wire.bus import Bus
 from wire.foreign import ForeignError, read_text
-from wire.host.config import ConfigError, read_toml
+from wire.host.config import ConfigError, Sections, read_toml
 from wire.reasons import StopReason
 from wire.standstill import STILL_M_S
 from wire.zenoh.hub_proof import HubProof
@@ -57,13 +57,10 @@ def commission(
     Raises:
         DeployError: the file is refused, or there is no terminal.
     """
-    config, lidar = _checked(file, source, lidar_name)
-    if running is not None and running.bus == launch.bus and running.config != launch.config:
-        raise DeployError(
-            f"the robot was started with {running.config}: give this file, or start it with {file}"
-        )
-    if not is_terminal():
-        raise DeployError("a person must confirm each step: run it in a terminal")
+    sections, lidar = checked(file, source, lidar_name)
+    config = sections[SupervisorSection]
+    _check_place(file, lidar)
+    check_robot(file, launch, running)
 
     async def run(stop: asyncio.Event) -> int:
         bus = await reach(launch.bus, stop, HubProof(launch.bus, note))
@@ -78,16 +75,22 @@ def commission(
     run_command(run)
 
 
-def _checked(file: Path, source: str, lidar_name: str | None) -> tuple[SupervisorSection, NamedLidarSection]:
+def checked(file: Path, source: str, lidar_name: str | None) -> tuple[Sections, NamedLidarSection]:
     """Return the configuration and the lidar that sees the wall.
 
+    Args:
+        file: the configuration of the robot.
+        source: the command source to drive as.
+        lidar_name: the lidar that sees the wall; None for the first one.
+
     Raises:
-        DeployError: the robot cannot be measured with them, or the file has no place for the results.
+        DeployError: the robot cannot be measured with them.
     """
     try:
-        config = read_robot(read_toml(file), simulated=False)[SupervisorSection]
+        sections = read_robot(read_toml(file), simulated=False)
     except ConfigError as error:
         raise DeployError(str(error)) from error
+    config = sections[SupervisorSection]
     if source not in (one.name for one in config.sources):
         raise DeployError(f"{source} is not in [supervisor] sources: add it, or give another --source")
     lidars = {one.name: one for one in config.all_lidars()}
@@ -96,13 +99,35 @@ def _checked(file: Path, source: str, lidar_name: str | None) -> tuple[Superviso
         raise DeployError(f"there is no lidar {lidar_name}; there are: {', '.join(lidars)}")
     if not config.odometry:
         raise DeployError("odometry = false: without odometry, nothing can be measured")
+    return sections, lidar
+
+
+def check_robot(file: Path, launch: Launch, running: Launch | None) -> None:
+    """Refuse a file with which the robot was not started, and a run without a person.
+
+    Raises:
+        DeployError: the robot of this computer has another configuration, or there is no terminal.
+    """
+    if running is not None and running.bus == launch.bus and running.config != launch.config:
+        raise DeployError(
+            f"the robot was started with {running.config}: give this file, or start it with {file}"
+        )
+    if not is_terminal():
+        raise DeployError("a person must confirm each step: run it in a terminal")
+
+
+def _check_place(file: Path, lidar: NamedLidarSection) -> None:
+    """Refuse a file that has no place for the results.
+
+    Raises:
+        DeployError: it has none, or cannot be written.
+    """
     if not (os.access(file, os.W_OK) and os.access(file.resolve().parent, os.W_OK)):
         raise DeployError(f"{file} or its directory cannot be written: the results belong into it")
     try:
         check_place(read_text(file), results(Findings(), lidar))
     except (OSError, ForeignError, TableError) as error:
         raise DeployError(f"{file}: {error}") from error
-    return config, lidar
 
 
 class Conductor:
@@ -320,7 +345,7 @@ def _end_at(mistakes: Collection[Mistake]) -> None:
 
 
 def replace_file(file: Path, text: str) -> None:
-    """Replace a file at once, with the same permissions; a link stays a link.
+    """Write a file at once; one that exists keeps its permissions, and a link stays a link.
 
     Raises:
         OSError: the file or its directory cannot be written.
@@ -330,5 +355,6 @@ def replace_file(file: Path, text: str) -> None:
     beside.unlink(missing_ok=True)  # of a run that was killed here
     with beside.open("x", encoding="utf-8", newline="") as new:
         new.write(text)
-    beside.chmod(target.stat().st_mode & 0o7777)
+    if target.exists():
+        beside.chmod(target.stat().st_mode & 0o7777)
     beside.replace(target)

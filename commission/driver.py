@@ -178,6 +178,11 @@ class Driver:
 
     # --- what is known
 
+    @property
+    def status(self) -> SafetyStatus | None:
+        """The newest status; None before the first."""
+        return self._status
+
     def wall(self) -> Wall | None:
         """Return the wall as it was seen last, in the lidar's frame; None if it is lost."""
         return self.trace.wall(self.now_s)
@@ -254,7 +259,7 @@ class Driver:
                 reason = await self.beat()
                 is_stopped = reason is not None and self._is_stopped_by(expected)
                 if not is_stopped:
-                    self._check(reason, watch)
+                    self.check(reason, watch)
                 self._person.show(f"{drive}: {watch.progress(self.trace.odometry[-1])}")
         finally:
             self._velocity = NEUTRAL
@@ -282,14 +287,14 @@ class Driver:
         """Return whether this reason has stopped the robot."""
         return self._status is not None and any(reason in some for some in self._status.causes_and_latched())
 
-    def _key(self) -> str | None:
+    def key(self) -> str | None:
         """Return a text if a key was pressed since a question was answered, or the terminal is closed; else None."""
         return "a key was pressed" if self._person.take() or self._person.has_ended else None
 
-    def _check(self, reason: str | None, watch: Watch) -> None:
+    def check(self, reason: str | None, watch: Watch) -> None:
         """Raise SurpriseError if something is unexpected."""
         wall = self.wall()
-        reason = self._key() or reason or self.silent()
+        reason = self.key() or reason or self.silent()
         if reason is None and wall is None:
             reason = WALL_LOST
         if reason is None and wall is not None:
@@ -314,7 +319,7 @@ class Driver:
             near = None if watch is None or wall is None else watch.too_near(self.gap_m(wall))
             if near is None and self._is_stopped_by(expected):
                 reason = None
-            reason = self._key() or near or reason or self.silent()
+            reason = self.key() or near or reason or self.silent()
             if reason is not None:
                 raise SurpriseError(reason)
             newest = self.trace.odometry[-1]

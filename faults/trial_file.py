@@ -1,23 +1,19 @@
 """The file of a campaign: its trials are read from it, appended to it, and signed with where and when the campaign ran."""
 
 import gzip
-import os
-import platform
-import subprocess
 import sys
 import zlib
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import IO
 
 from deploy.stack.errors import DeployError
+from deploy.stack.provenance import commit, machine
 from faults.trial import PROVENANCE_BEGINS, Provenance, Trial, parse
 from wire.foreign import open_file
 
-GIT_LIMIT_S = 10.0
 MAX_LINE_BYTES = 64 << 20
 """Of one trial, with its timeline."""
 
@@ -139,30 +135,3 @@ def provenance_of_this_command() -> Provenance:
         machine=machine(),
         commit=commit(),
     )
-
-
-def machine() -> str:
-    """Return the relevant properties of this machine, without its name."""
-    return (
-        f"{os.cpu_count()} cores ({platform.machine()}), load average {os.getloadavg()[0]:.1f}, "
-        f"{platform.system()}, Python {platform.python_version()}, eclipse-zenoh {version('eclipse-zenoh')}"
-    )
-
-
-def commit() -> str:
-    """Return the commit of the code, and whether files differ from it; empty if git does not know."""
-    root = Path(__file__).parents[1]
-    try:
-        found, changes = (
-            subprocess.run(
-                ["git", "-C", str(root), *words],  # noqa: S607 - whichever git there is
-                capture_output=True,
-                text=True,
-                check=True,
-                timeout=GIT_LIMIT_S,
-            ).stdout.strip()
-            for words in (("rev-parse", "--short", "HEAD"), ("status", "--porcelain", "--untracked-files=no"))
-        )
-    except (OSError, subprocess.SubprocessError):
-        return ""
-    return f"{found}, with changes that are not committed" if changes else found

@@ -65,17 +65,22 @@ def open_file(path: Path, opener: Callable[[str, int], int] = os.open) -> IO[byt
     return file
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path, most_bytes: int | None = None) -> str:
     """Return the content of a file, without the byte order mark that some editors write.
+
+    Args:
+        path: the file.
+        most_bytes: a larger file is refused; None: `MAX_BYTES`.
 
     Raises:
         OSError: the file cannot be read.
         ForeignError: it is too large, or is not text.
     """
+    most = MAX_BYTES if most_bytes is None else most_bytes
     with open_file(path) as file:
-        content = file.read(MAX_BYTES + 1)
-    if len(content) > MAX_BYTES:
-        raise ForeignError(f"it is larger than {MAX_BYTES >> 20} MiB")
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise ForeignError(f"it is larger than {most >> 20} MiB")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

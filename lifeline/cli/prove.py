@@ -1,6 +1,6 @@
-"""The commands that check a configuration, judge a recording, prove the promises and grade programs.
+"""The commands that check a configuration, judge a recording, prove the promises, grade programs and measure stops.
 
-check, judge, demo, faults, fault-report, grade.
+check, judge, demo, faults, fault-report, grade, passport.
 """
 
 import sys
@@ -11,10 +11,14 @@ import typer
 
 from deploy.stack.console import answer, note, say
 from deploy.stack.errors import EXIT_REFUSED
-from lifeline.command import Json, ResultJson, argument, command, option
+from lifeline.command import Endpoint, Json, KeysPath, ResultJson, StatePath, argument, command, option
 from wire.host.installation import require
 
 app = typer.Typer()
+passport_app = typer.Typer(
+    help="Measure how far a robot moves after each fault, in front of a flat wall.", no_args_is_help=True
+)
+app.add_typer(passport_app, name="passport")
 
 
 @command(app)
@@ -278,3 +282,67 @@ def grade(
     setup = Setup(endpoint, lifeline=through_lifeline, timeout_s=base_timeout, ros2=ros2, hold=hold)
     exam = Exam(tuple(program or ()), setup, read(rubric), keys, stop_key, whole_group)
     return grading.run(exam, grading.Files(html, junit, json), note)
+
+
+def cell_names(incomplete: str) -> list[str]:
+    """Return the names of the faults of a passport."""
+    from passport.cells import Fault
+
+    return [fault for fault in Fault if fault.startswith(incomplete)]
+
+
+@command(passport_app, "measure")
+def passport_measure(
+    *,
+    file: Annotated[Path, argument("FILE", "The robot's configuration, such as robot.toml.")],
+    out: Annotated[
+        Path,
+        option("--out", "FILE.json", "The record to write; one that exists is continued."),
+    ] = Path("passport.json"),
+    runs: Annotated[int, option("--runs", "N", "Number of runs of each cell.", min=1, max=1000)] = 10,
+    load: Annotated[
+        list[int] | None,
+        option(
+            "--load",
+            "PERCENT",
+            "Load to measure with, in percent of the payload; repeat it for several. Default: 0 and 100.",
+            min=0,
+            max=200,
+        ),
+    ] = None,
+    fault: Annotated[
+        list[str] | None,
+        option(
+            "--fault",
+            "NAME",
+            "Measure only this fault; repeat it for several. Default: all, and plain zeros from three speeds.",
+            autocompletion=cell_names,
+        ),
+    ] = None,
+    lidar: Annotated[
+        str | None, option("--lidar", "NAME", "Lidar that sees the wall. Default: the first.")
+    ] = None,
+    source: Annotated[
+        str,
+        option("--source", "NAME", "Command source that drives back; no other program may use it meanwhile."),
+    ] = "path",
+    endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
+    state_dir: StatePath = None,
+) -> None:
+    """Drive a robot toward a flat wall, stop it by faults, and record each stop.
+
+    Start the robot first, with `lifeline up --detach --config FILE`. Each run is written when it is done. Any key aborts a drive.
+
+    Exit 1 if it was aborted, or if the robot did not stop.
+    """
+    from deploy.stack.launch import Launch
+    from deploy.stack.statedir import StateDir
+    from passport.cells import LOADS_PERCENT, faults_named
+    from passport.measure import Orders, measure
+
+    state = StateDir.choose(state_dir)
+    launch = Launch.find(state, file, endpoint, keys_dir)
+    loads = tuple(dict.fromkeys(load or LOADS_PERCENT))
+    orders = Orders(source, lidar, out, runs, loads, faults_named(fault or ()))
+    measure(file, launch, state, Launch.running(state), orders)

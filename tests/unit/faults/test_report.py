@@ -11,8 +11,8 @@ from xml.dom import minidom
 import pytest
 from typer.testing import CliRunner
 
+from deploy.stack import provenance
 from deploy.stack.errors import DeployError
-from faults import trial_file
 from faults.report.drawing import timeline
 from faults.report.figures import campaigns, replay
 from faults.report.page import BROKEN_SHOWN, percent, read_campaigns, write_report
@@ -350,7 +350,7 @@ def test_a_disk_that_is_full_is_one_sentence(tmp_path: Path) -> None:
 
 def test_where_git_does_not_know_the_commit_stays_empty(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
-    assert trial_file.commit() == ""
+    assert provenance.commit() == ""
 
 
 def test_the_command_writes_the_page_and_refuses_in_a_sentence(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from lifeline.cli.app import PARTS, app
 WITHOUT_JSON = {
     "completion": "prints a script",
     "commission": "asks a person; `check --json` prints what its result means",
+    "passport measure": "asks a person; its result is the record, which is JSON",
     "router": "routes until Ctrl-C; --print-config prints JSON",
     "metrics": "serves HTTP until Ctrl-C",
     "view": "shows pictures; `topic echo --json` prints the messages",

@@ -1,0 +1,16 @@
+"""The stop-time passport: how far a robot moves after each fault, measured before a flat wall.
+
+    record.py      the record of a measurement, and its JSON form
+    cells.py       which faults from which speeds, and the free area that each needs
+    stops.py       computes one run from what was recorded around a fault
+    instrument.py  the uncertainty of wall and odometry
+    child.py       a program that ends with the measurement
+    pilot.py       the operator's program, which is killed, stopped and cut off
+    link.py        the operator's link, which is cut
+    injection.py   injects and lifts the faults
+    rounds.py      drives one run, and back
+    results.py     the file of the runs, and how a measurement continues
+    measure.py     the command
+
+record.py, cells.py, stops.py and instrument.py are pure.
+"""

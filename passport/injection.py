@@ -1,0 +1,184 @@
+"""Injects a fault into the running robot, and lifts it."""
+
+import asyncio
+import signal
+
+from deploy.stack import processes
+from deploy.stack.launch import Launch
+from deploy.stack.statedir import StateDir
+from passport.cells import Fault
+from passport.child import Child
+from passport.pilot import READY
+from wire import topics
+from wire.bus import Bus, NoReplyError
+from wire.messages import Bool
+from wire.zenoh.local_socket import socket_of
+
+CALL_LIMIT_S = 1.0
+SUPERVISORD = "supervisord"
+SENSORS = {Fault.LIDAR_SILENT: "silent", Fault.ODOMETRY_SILENT: "no_odom"}
+"""The fault for the service of the simulated robot."""
+
+
+class InjectionError(Exception):
+    """The fault cannot be injected or lifted; the message says why."""
+
+
+class Operator:
+    """The operator's program, and its link to the hub.
+
+    Args:
+        launch: how to reach the robot.
+        source: the command source.
+    """
+
+    def __init__(self, launch: Launch, source: str) -> None:
+        self._launch, self._source = launch, source
+        self._program: Child | None = None
+        self._link: Child | None = None
+        self._is_out_of_reach = False
+        """Whether the program cannot be ended by its stdin."""
+
+    async def start(self, *, with_link: bool) -> None:
+        """Start the program, and wait until it holds its source; `with_link`: through a link that can be cut.
+
+        Raises:
+            InjectionError: it cannot drive.
+        """
+        command = [*self._launch.command("passport.pilot"), "--source", self._source]
+        command += ["--namespace", self._launch.bus.namespace]
+        if with_link:
+            self._link = Child(
+                [*python_module(self._launch), "passport.link", str(socket_of(self._launch.bus.endpoint))]
+            )
+            port = await self._link.first_line()
+            command[command.index("--endpoint") + 1] = f"tcp/127.0.0.1:{port}"
+        self._program = Child(command)
+        answer = await self._program.first_line()
+        if answer != READY:
+            raise InjectionError(f"the operator's program cannot drive: {answer or 'it has ended'}")
+
+    def request(self, speed_m_s: float) -> None:
+        if self._program is not None:
+            self._program.order(repr(speed_m_s))
+
+    def hit(self, fault: Fault) -> None:
+        """Kill it, stop it, or cut its link."""
+        struck = self._link if fault is Fault.LINK_CUT else self._program
+        assert struck is not None
+        struck.send(signal.SIGKILL if fault is Fault.OPERATOR_KILLED else signal.SIGSTOP)
+        self._is_out_of_reach = True
+
+    async def end(self) -> None:
+        """End the program, which sends zero if it can."""
+        limits = {} if not self._is_out_of_reach else {"limit_s": 0.0}
+        for child in (self._program, self._link):
+            if child is not None:
+                await child.end(**limits)
+        self._program = self._link = None
+        self._is_out_of_reach = False
+
+
+def python_module(launch: Launch) -> list[str]:
+    """Return the beginning of a command line that runs a module."""
+    return launch.command("")[:2]
+
+
+class Injector:
+    """Injects the faults of one robot.
+
+    Args:
+        bus: the bus of the recorder.
+        launch: how to reach the robot.
+        state: the state directory of this computer.
+        operator: the operator's program.
+    """
+
+    def __init__(self, bus: Bus, launch: Launch, state: StateDir, operator: Operator) -> None:
+        self._bus, self._launch, self._state, self._operator = bus, launch, state, operator
+        self._estop = bus.publisher(topics.ESTOP)
+
+    async def refusal(self, fault: Fault) -> str | None:
+        """Return why this fault cannot be injected from here; None if it can."""
+        if fault is Fault.LINK_CUT and socket_of(self._launch.bus.endpoint) is None:
+            return "the link has certificates, and only a link on this computer can be cut: pull its cable by hand"
+        if fault.takes_recorder:
+            names = {process.name for process in processes.of(self._state.path)}
+            if not self._launch.is_started(self._state) or topics.SUPERVISOR not in names:
+                return "the process of the supervisor is not one of this computer's `lifeline up`"
+            if SUPERVISORD not in names:
+                return "nothing would start the supervisor again: start the robot with `lifeline up --detach`"
+        if fault in SENSORS:
+            try:
+                await self._bus.call(topics.SIM_FAULTS, timeout_s=CALL_LIMIT_S)
+            except NoReplyError:
+                return (
+                    "only the sensors of a simulated robot can be silenced from here: pull their plug by hand"
+                )
+        return None
+
+    async def begin(self, fault: Fault) -> float:
+        """Inject a fault; return the time just before.
+
+        Raises:
+            InjectionError: it cannot be injected.
+        """
+        now_s = asyncio.get_running_loop().time()
+        match fault:
+            case Fault.ZERO:
+                self._operator.request(0.0)
+            case Fault.OPERATOR_KILLED | Fault.OPERATOR_STOPPED | Fault.LINK_CUT:
+                self._operator.hit(fault)
+            case Fault.SUPERVISOR_KILLED:
+                now_s = self._signal(signal.SIGKILL)
+            case Fault.SUPERVISOR_STOPPED:
+                now_s = self._signal(signal.SIGSTOP)
+            case Fault.LIDAR_SILENT | Fault.ODOMETRY_SILENT:
+                await self._sensors(SENSORS[fault])
+            case Fault.ESTOP:
+                self.press_estop()
+        return now_s
+
+    async def lift(self, fault: Fault) -> None:
+        """End a fault whose end is not that of the operator's program; supervisord restarts the supervisor by itself.
+
+        Raises:
+            InjectionError: it cannot be ended.
+        """
+        if fault is Fault.SUPERVISOR_STOPPED:
+            self._signal(signal.SIGCONT)
+        elif fault in SENSORS:
+            await self._sensors("none")
+
+    def press_estop(self) -> None:
+        """Press the e-stop once; a press that was lost must be repeated."""
+        self._estop.put(Bool(data=True))
+
+    async def reset(self) -> str | None:
+        """Reset the e-stop; return why it was refused."""
+        try:
+            reply = await self._bus.call(topics.SUPERVISOR_RESET, timeout_s=CALL_LIMIT_S)
+        except NoReplyError as error:
+            return str(error)
+        return None if reply.success else reply.message
+
+    def _signal(self, number: signal.Signals) -> float:
+        """Signal the supervisor; return the time just before.
+
+        Raises:
+            InjectionError: it does not run.
+        """
+        for process in processes.of(self._state.path):
+            if process.name == topics.SUPERVISOR:
+                now_s = asyncio.get_running_loop().time()
+                processes.send(process, self._state.path, number)
+                return now_s
+        raise InjectionError("the supervisor does not run")
+
+    async def _sensors(self, faults: str) -> None:
+        try:
+            reply = await self._bus.call(topics.SIM_FAULTS, faults, timeout_s=CALL_LIMIT_S)
+        except NoReplyError as error:
+            raise InjectionError(f"the simulated robot does not take the fault {faults}: {error}") from error
+        if not reply.success:
+            raise InjectionError(f"the simulated robot refuses the fault {faults}: {reply.message}")

@@ -1,0 +1,290 @@
+"""One run: from the place where the robot stands, toward the wall, through the fault, to the standstill; then back."""
+
+import asyncio
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+
+from commission.commission import FIND_S
+from commission.driver import LEARN_S, WALL_LOST, AbortedError, Driver, SurpriseError
+from commission.person import Person
+from commission.plan import FACING_RAD, LEAST_BACK_M, RETURN_M_S, SLOW_RAD_S, Base, Drive
+from commission.wall import Wall
+from commission.watch import Watch
+from passport import cells
+from passport.cells import SIDE_M, Fault, Plan
+from passport.injection import InjectionError, Injector, Operator
+from teleop.path.course import Pose, seen_from
+from teleop.path.permit import what_is_missing
+from wire.reasons import StopReason
+from wire.standstill import STILL_M_S, is_still
+
+STOP_LIMIT_S = 3.0
+"""A robot that still moves this long after it should stand does not stop."""
+RETURN_LIMIT_S = 20.0
+"""For the supervisor and its streams, after a fault is lifted."""
+ARM_LIMIT_S = 5.0
+TURN_RAD = 0.05
+"""A robot that faces the wall less exactly is turned to it before a run."""
+LEAST_SHARE = 0.9
+"""Of the commanded speed, at the fault."""
+STANDS_S = 0.5
+UNSEEN = {Fault.LIDAR_SILENT, Fault.ODOMETRY_SILENT, Fault.SUPERVISOR_KILLED, Fault.SUPERVISOR_STOPPED}
+"""After these, the wall is searched for again."""
+OTHER_STOPS = {StopReason.OBSTACLE, StopReason.ESTOP}
+"""A stop by one of these would be shorter than that of the fault."""
+
+
+class Place(NamedTuple):
+    """Where the robot stood when the person confirmed the area."""
+
+    pose: Pose
+    gap_m: float
+    """From the hull to the wall."""
+
+
+class Seen(NamedTuple):
+    """One run; all times are those of the recorder's clock."""
+
+    start_s: float
+    start: Pose
+    before: Wall
+    fault_s: float
+    rest_s: float
+    is_stopped: bool
+
+
+class Rounds:
+    """Drives runs.
+
+    Args:
+        driver: drives back, and records.
+        operator: the operator's program, which drives toward the wall.
+        injector: injects the faults.
+        person: any key of them aborts a drive.
+        base: what is assumed of the base.
+        source: the command source of the operator's program.
+    """
+
+    def __init__(
+        self, driver: Driver, operator: Operator, injector: Injector, person: Person, base: Base, source: str
+    ) -> None:
+        self._driver, self._operator, self._injector = driver, operator, injector
+        self._person, self._base, self._source = person, base, source
+        self.place: Place | None = None
+
+    @property
+    def is_estop_latched(self) -> bool:
+        return self._has_stopped(StopReason.ESTOP)
+
+    def _has_stopped(self, reason: StopReason) -> bool:
+        status = self._driver.status
+        return status is not None and any(reason in some for some in status.causes_and_latched())
+
+    async def all_heard(self) -> None:
+        """Wait until every stream is heard again.
+
+        Raises:
+            AbortedError: one is silent for too long.
+        """
+        end_s = self._driver.now_s + RETURN_LIMIT_S
+        await self._driver.wait(STANDS_S)
+        while (silent := self._driver.silent()) is not None:
+            await self._driver.beat()
+            if self._driver.now_s > end_s:
+                raise AbortedError(silent)
+
+    # --- back to the place
+
+    async def back(self) -> None:
+        """Drive back to the place, and face the wall.
+
+        Raises:
+            SurpriseError: something unexpected happened, or the robot is outside the area that was confirmed.
+        """
+        await self._driver.ready()
+        there_m = await self._from_place_m()
+        if there_m > LEAST_BACK_M:
+            await self._driver.drive(Drive(-there_m, speed=RETURN_M_S).back(there_m), self._base)
+        bearing_rad = self._driver.bearing_rad(await self._wall())
+        if TURN_RAD < abs(bearing_rad) < FACING_RAD:
+            await self._driver.drive(Drive(turn_rad=bearing_rad, speed=SLOW_RAD_S), self._base)
+        await self._from_place_m()
+
+    async def _from_place_m(self) -> float:
+        """Return how much nearer to the wall than its place the robot stands.
+
+        Raises:
+            SurpriseError: it is outside the area, or does not face the wall.
+        """
+        assert self.place is not None
+        wall, pose = await self._wall(), self._driver.trace.odometry[-1].pose
+        there_m = self.place.gap_m - self._driver.gap_m(wall)
+        aside_m = float(seen_from(np.array([pose]), self.place.pose)[0, 1])
+        if max(-there_m, abs(aside_m)) > SIDE_M or abs(self._driver.bearing_rad(wall)) > FACING_RAD:
+            raise SurpriseError("the robot has left the area that was confirmed, or does not face the wall")
+        return there_m
+
+    async def _wall(self) -> Wall:
+        """Return the wall; search for it if it is lost.
+
+        Raises:
+            SurpriseError: it is not found.
+        """
+        wall = self._driver.wall()
+        if wall is None:
+            await self._find_wall()
+            wall = self._driver.wall()
+        if wall is None:
+            raise SurpriseError(WALL_LOST)
+        return wall
+
+    async def _find_wall(self) -> None:
+        self._driver.trace.forget_wall()
+        await self._driver.wait(FIND_S)
+
+    # --- a run
+
+    async def run(self, plan: Plan) -> Seen:
+        """Drive toward the wall, inject the fault, and record until the robot stands. A robot that does not stand is stopped by the e-stop.
+
+        Raises:
+            SurpriseError: something unexpected happened before the fault, or a key was pressed.
+        """
+        problem = cells.problem(plan, self._base, self._driver.gap_m(await self._wall()))
+        if problem is not None:
+            raise SurpriseError(problem)
+        try:
+            await self._start_operator(with_link=plan.fault is Fault.LINK_CUT)
+            return await self._drive(plan)
+        except InjectionError as error:
+            raise SurpriseError(str(error)) from error
+        finally:
+            self._operator.request(0.0)
+            await self._operator.end()
+
+    async def _start_operator(self, *, with_link: bool) -> None:
+        starting = asyncio.ensure_future(self._operator.start(with_link=with_link))
+        try:
+            while not starting.done():
+                await self._driver.beat()
+                self._check_key()
+            starting.result()
+        finally:
+            starting.cancel()
+        end_s = self._driver.now_s + ARM_LIMIT_S
+        while (missing := self._missing()) is not None:
+            self._operator.request(0.0)
+            await self._driver.beat()
+            if self._driver.now_s > end_s:
+                raise SurpriseError(f"the operator's program may not drive: {missing}")
+
+    def _missing(self) -> str | None:
+        status = self._driver.status
+        return self._driver.silent() or (
+            "no status" if status is None else what_is_missing(status, self._source)
+        )
+
+    async def _drive(self, plan: Plan) -> Seen:
+        driver = self._driver
+        start_s = driver.now_s - LEARN_S
+        before = driver.trace.between(start_s, driver.now_s).mean_wall()
+        if before is None:
+            raise SurpriseError(WALL_LOST)
+        drive = Drive(self._base.run_up_m(plan.speed_m_s), speed=plan.speed_m_s)
+        start = driver.trace.odometry[-1].pose
+        watch = Watch(drive, self._base, start, before, driver.gap_m(before), driver.now_s, is_first=False)
+        while not watch.is_done(driver.trace.odometry[-1], driver.wall()):
+            self._operator.request(plan.speed_m_s)
+            driver.check(await driver.beat(), watch)
+            self._person.show(f"{plan.fault.words}: {watch.progress(driver.trace.odometry[-1])}")
+        speed_m_s = driver.trace.odometry[-1].linear_m_s
+        if speed_m_s < LEAST_SHARE * plan.speed_m_s:
+            raise SurpriseError(
+                f"it drives {speed_m_s:.2f} m/s only: the supervisor or the base limits its speed"
+            )
+        fault_s = await self._injector.begin(plan.fault)
+        seen = Seen(start_s, start, before, fault_s, fault_s, is_stopped=False)
+        try:
+            if not await self._watch(plan, fault_s, watch):
+                return await self._stop_it(seen)
+        finally:
+            await self._injector.lift(plan.fault)
+        if plan.fault in UNSEEN:
+            await self.all_heard()
+            await self._find_wall()
+        return await self._at_rest(plan, seen)
+
+    async def _watch(self, plan: Plan, fault_s: float, watch: Watch) -> bool:
+        """Record until the robot stands, or as long as a robot needs of which nothing is seen; return whether it stopped."""
+        stands_s = fault_s + cells.standing_s(plan, self._base)
+        while True:
+            await self._go_on(plan)
+            now_s = self._driver.now_s
+            if plan.fault.takes_recorder:
+                if now_s > stands_s:
+                    return True
+                continue
+            if now_s > fault_s + STANDS_S and self._stands():
+                return True
+            wall = self._driver.wall()
+            if now_s > stands_s + STOP_LIMIT_S or (
+                wall is not None and watch.too_near(self._driver.gap_m(wall)) is not None
+            ):
+                return False
+
+    async def _go_on(self, plan: Plan) -> None:
+        """Let the operator request motion, except after a plain zero.
+
+        Raises:
+            SurpriseError: a key was pressed, or something else has stopped the robot.
+        """
+        self._operator.request(0.0 if plan.fault is Fault.ZERO else plan.speed_m_s)
+        if plan.fault is Fault.ESTOP and not self.is_estop_latched:
+            self._injector.press_estop()
+        await self._driver.beat()
+        self._check_key()
+        own = {StopReason.ESTOP} if plan.fault is Fault.ESTOP else set[StopReason]()
+        for reason in OTHER_STOPS - own:
+            if self._has_stopped(reason):
+                raise SurpriseError(f"{reason} has stopped the robot, not the fault")
+
+    def _check_key(self) -> None:
+        if (key := self._driver.key()) is not None:
+            raise SurpriseError(key)
+
+    def _stands(self) -> bool:
+        """Return whether odometry, or the wall while odometry is silent, has shown a standing robot for `STANDS_S`.
+
+        Raises:
+            SurpriseError: neither shows the robot.
+        """
+        begin_s = self._driver.now_s - STANDS_S
+        trace = self._driver.trace
+        recent = list(itertools.takewhile(lambda one: one.at_s > begin_s, reversed(trace.odometry)))
+        if recent:
+            return all(is_still(one.linear_m_s, one.angular_rad_s) for one in recent)
+        seen = itertools.takewhile(lambda one: one.at_s > begin_s, reversed(trace.scans))
+        distances = [one.wall.distance_m for one in seen if one.wall is not None]
+        if len(distances) < 2:
+            raise SurpriseError("the robot is not seen: if it moves, switch it off")
+        return max(distances) - min(distances) < STILL_M_S * STANDS_S
+
+    async def _stop_it(self, seen: Seen) -> Seen:
+        self._operator.request(0.0)
+        self._injector.press_estop()
+        self._person.say(
+            "The robot did not stop. The e-stop of Lifeline is pressed: if it still moves, press its own."
+        )
+        await self._driver.wait(STANDS_S)
+        return seen._replace(rest_s=self._driver.now_s)
+
+    async def _at_rest(self, plan: Plan, seen: Seen) -> Seen:
+        """Wait until the robot was seen at rest; return the run with this time. A robot that moves on is stopped."""
+        end_s = self._driver.now_s + STOP_LIMIT_S
+        while not self._stands():
+            await self._go_on(plan)
+            if self._driver.now_s > end_s:
+                return await self._stop_it(seen)
+        return seen._replace(rest_s=self._driver.now_s, is_stopped=True)
