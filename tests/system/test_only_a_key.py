@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from teleop.terminal import WHEEL_TRIES
 from tests.system.multiplexers import behind, needs
 from tests.system.operators import (
     INTERVAL_S,
@@ -101,6 +102,18 @@ async def test_an_arrow_drives_on_a_terminal_whose_wheel_sends_none_until_anothe
         await scroll(op)
         await until(lambda: "ignored an arrow" in op.picture)
         assert set(h.velocities[seen:]) == {ZERO}
+
+
+async def test_a_terminal_that_does_not_report_its_wheel_is_asked_only_a_few_times() -> None:
+    """Some terminals print a part of the question."""
+    endpoint = free_endpoint()
+    async with hub(endpoint) as h, operator(endpoint, *HOLD, obeys_1007=None) as op:
+        await ready(h, op)
+        await until(lambda: op.answered >= WHEEL_TRIES + 5)
+        assert op.output.count("\x1b[?1007$p") == WHEEL_TRIES
+        op.type(b"\x1b[A" * NOTCHES)
+        await until(lambda: "ignored an arrow" in op.output)
+        assert set(h.velocities) == {ZERO}
 
 
 # --- key releases
