@@ -149,6 +149,7 @@ class Operator:
         kitty: the supported flags of the kitty keyboard protocol; None: not supported.
         answers: whether it answers status requests, as practically every terminal does.
         obeys_1007: whether a program can keep the wheel from sending arrows, and ask for it; it cannot in kitty, for example.
+            None: the terminal does not answer this question.
         environment: the environment, without the terminal's type; None: that of this process.
     """
 
@@ -158,7 +159,7 @@ class Operator:
         term: str = "xterm-256color",
         kitty: int | None = None,
         answers: bool = True,
-        obeys_1007: bool = True,
+        obeys_1007: bool | None = True,
         environment: Mapping[str, str] | None = None,
     ) -> None:
         self._master, self.slave = pty.openpty()
@@ -266,7 +267,7 @@ class Operator:
                 self._screens[1].reset()
             return number != "25"
         if final == "$p":
-            if self.answers:
+            if self.answers and self.obeys_1007 is not None:
                 is_set = 0 if not self.obeys_1007 else 1 if number in self.modes_on else 2
                 self.type(f"\x1b[?{number};{is_set}$y".encode())
         elif final == "u":
@@ -351,7 +352,7 @@ async def operator(
     term: str = "xterm-256color",
     kitty: int | None = None,
     answers: bool = True,
-    obeys_1007: bool = True,
+    obeys_1007: bool | None = True,
 ) -> AsyncGenerator[Operator]:
     made = Operator(
         sys.executable,

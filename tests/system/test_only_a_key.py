@@ -5,9 +5,12 @@ import signal
 import sys
 import termios
 import time
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 
+from teleop.terminal import WHEEL_TRIES
 from tests.system.multiplexers import behind, needs
 from tests.system.operators import (
     INTERVAL_S,
@@ -101,6 +104,18 @@ async def test_an_arrow_drives_on_a_terminal_whose_wheel_sends_none_until_anothe
         assert set(h.velocities[seen:]) == {ZERO}
 
 
+async def test_a_terminal_that_does_not_report_its_wheel_is_asked_only_a_few_times() -> None:
+    """Some terminals print a part of the question."""
+    endpoint = free_endpoint()
+    async with hub(endpoint) as h, operator(endpoint, *HOLD, obeys_1007=None) as op:
+        await ready(h, op)
+        await until(lambda: op.answered >= WHEEL_TRIES + 5)
+        assert op.output.count("\x1b[?1007$p") == WHEEL_TRIES
+        op.type(b"\x1b[A" * NOTCHES)
+        await until(lambda: "ignored an arrow" in op.output)
+        assert set(h.velocities) == {ZERO}
+
+
 # --- key releases
 
 
@@ -114,11 +129,23 @@ async def test_a_held_key_ends_when_teleop_is_stopped_and_continued() -> None:
         await held(h, op)
 
 
-async def test_a_held_key_ends_when_another_program_resets_the_keyboard_flags() -> None:
+def reset_flags(op: Operator) -> None:
+    op.kitty_flags[:] = [0]
+
+
+def reattach(op: Operator) -> None:
+    """Go on in a terminal without the protocol, as with dtach."""
+    op.kitty = None
+
+
+@pytest.mark.parametrize("change", [reset_flags, reattach])
+async def test_a_held_key_ends_when_the_terminal_no_longer_reports_releases(
+    change: Callable[[Operator], None],
+) -> None:
     endpoint = free_endpoint()
     async with hub(endpoint) as h, operator(endpoint, *HOLD, kitty=ALL_FLAGS) as op:
         await held(h, op)
-        op.kitty_flags[:] = [0]
+        change(op)
         await until(lambda: h.asks(*ZERO), 1.0)
         await until(lambda: "by key repeat" in op.picture)
 
@@ -136,10 +163,23 @@ async def test_before_the_first_release_a_held_key_counts_for_a_second() -> None
 # --- other programs on the terminal
 
 
-async def test_space_is_the_emergency_stop_at_once_after_another_program_has_reset_the_terminal() -> None:
+def sane(op: Operator) -> list[Any]:
+    return list(op.modes_before)
+
+
+def min_10(op: Operator) -> list[Any]:
+    modes = termios.tcgetattr(op.slave)
+    modes[6][termios.VMIN] = 10
+    return modes
+
+
+@pytest.mark.parametrize("changed", [sane, min_10])
+async def test_space_is_the_emergency_stop_at_once_after_another_program_has_changed_the_terminal(
+    changed: Callable[[Operator], list[Any]],
+) -> None:
     async with driving() as (h, op):
         ours = op.modes()
-        termios.tcsetattr(op.slave, termios.TCSANOW, list(op.modes_before))  # like `stty sane`
+        termios.tcsetattr(op.slave, termios.TCSANOW, changed(op))  # like `stty sane`, `stty min 10`
         pressed_s = time.monotonic()
         op.type(b" ")
         await until(h.got_estop)
@@ -155,7 +195,7 @@ async def test_mouse_modes_that_an_earlier_program_left_on_are_switched_off() ->
 # --- keys in the coding of other programs
 
 
-CTRL_SPACES = (b"\0", b"\x1b[27;5;32~", b"\x1b[32;5u")
+CTRL_SPACES = (b"\0", b"\x1b[27;5;32~", b"\x1b[32;5u", b"\x1b[32;57;32;1;8;1_")
 
 
 @pytest.mark.parametrize("space", CTRL_SPACES)
