@@ -10,7 +10,15 @@
     injection.py   injects and lifts the faults
     rounds.py      drives one run, and back
     results.py     the file of the runs, and how a measurement continues
-    measure.py     the command
+    measure.py     the command `measure`
 
-record.py, cells.py, stops.py and instrument.py are pure.
+    statistics.py  upper limits of stops without an assumption about their distribution
+    summary.py     one row for each cell, and one sentence for all faults
+    drawing.py     pictures of runs
+    statement.py   the statement that is signed
+    page.py        the page with all of these
+    compare.py     which limits became worse
+    reading.py     the commands `report`, `verify` and `diff`
+
+All are pure but child.py, pilot.py, link.py, injection.py, rounds.py, results.py and the two of the commands.
 """

@@ -1,1 +1,1 @@
-"""`lifeline keys`: a certificate authority, and the certificates that it signs. Only `certificates.py` imports cryptography."""
+"""`lifeline keys`: a certificate authority, and the certificates that it signs. Only `certificates.py` and `signatures.py` import cryptography."""

@@ -2,7 +2,8 @@
 
 All keys are ECDSA on P-256, which every TLS library accepts. The authority signs participants only (path length 0). A
 certificate that names hosts is valid for servers and clients, all others for clients only. Participants accept only a
-supervisor or a router as a hub: a station that serves a page to browsers cannot act as one (wire/tls.py). Only this file imports cryptography, whose import takes 0.1 s.
+supervisor or a router as a hub: a station that serves a page to browsers cannot act as one (wire/tls.py). The import of
+cryptography takes 0.1 s: only this file and signatures.py need it.
 """
 
 import ipaddress

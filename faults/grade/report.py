@@ -7,10 +7,10 @@ from xml.etree import ElementTree as ET
 
 from pydantic import TypeAdapter
 
+from deploy.stack.page import document
 from deploy.stack.table import Column, Table
 from faults.grade.marks import TITLES, Grade, Mark
 from faults.report.drawing import BOTTOM_PX, LEFT_PX, WIDTH_PX, Frame, axes, moment, opened, true_line
-from faults.report.page import document
 
 TICKS_PX = 30
 """Room for the labels of the times."""

@@ -346,3 +346,71 @@ def passport_measure(
     loads = tuple(dict.fromkeys(load or LOADS_PERCENT))
     orders = Orders(source, lidar, out, runs, loads, faults_named(fault or ()))
     measure(file, launch, state, Launch.running(state), orders)
+
+
+RecordFile = Annotated[Path, argument("FILE", "A passport: the record of `measure`, or a page of `report`.")]
+
+
+@command(passport_app, "report")
+def passport_report(
+    *,
+    file: RecordFile,
+    html: Annotated[Path, option("--html", "OUT.html", "The page to write.")] = Path("passport.html"),
+    keys: Annotated[
+        Path | None,
+        option(
+            "--keys",
+            "DIR",
+            "Sign with this bundle of the robot's computer (role supervisor). Default: do not sign.",
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Write a passport as one HTML page, for screen and paper, with the record inside."""
+    from passport.reading import report
+
+    written = report(file, html, keys)
+    by = "not signed: give --keys" if written.signer is None else f"signed by {written.signer}"
+    answer(written._asdict(), f"{written.page}, {by}. {written.shows}", as_json=as_json)
+
+
+@command(passport_app, "verify")
+def passport_verify(
+    *,
+    file: RecordFile,
+    keys: Annotated[
+        Path, option("--keys", "DIR", "A bundle, or another directory with the authority.pem that you trust.")
+    ],
+    as_json: Json = False,
+) -> int:
+    """Check who signed a passport, and that its page shows what was signed.
+
+    Exit 1 if it is not signed, was changed, or is signed by another authority.
+    """
+    from deploy.keys.signatures import SignatureError
+    from passport.reading import check
+
+    try:
+        found = check(file, keys)
+    except SignatureError as error:
+        answer({"page": str(file), "problem": str(error)}, f"{file} {error}", as_json=as_json)
+        return 1
+    sentence = f"{found.page}: signed by {found.signer}; SHA-256 of the record {found.sha256}. {found.shows}"
+    answer(found._asdict(), sentence, as_json=as_json)
+    return 0
+
+
+@command(passport_app, "diff")
+def passport_diff(
+    *,
+    old: Annotated[Path, argument("OLD", "The earlier passport.")],
+    new: Annotated[Path, argument("NEW", "The later one.")],
+    as_json: Json = False,
+) -> int:
+    """Compare the limits of two passports of the same cells.
+
+    Exit 1 if a limit became worse or is no longer known.
+    """
+    from passport.reading import compare
+
+    return compare(old, new, as_json=as_json)

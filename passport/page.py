@@ -1,0 +1,161 @@
+"""The passport as one HTML page without external resources, for screen and paper, with the record inside. Pure."""
+
+from collections.abc import Iterator, Sequence
+from html import escape
+
+from deploy.stack.page import document
+from passport.drawing import speed_over_time, stops_over_speed
+from passport.record import Cell, Passport, Run
+from passport.statement import digest
+from passport.statistics import Limit
+from passport.summary import Row, not_shown, rows, sentence
+
+BEGIN, END = '<script type="application/json" id="passport">', "</script>"
+"""Around the record, or its signed envelope, in the page."""
+STYLE = """<style>.first{font-size:1.5rem;line-height:1.35;max-width:44rem}.pair{display:flex;flex-wrap:wrap;gap:1rem}
+.run{fill:var(--blue)}.curve{stroke:var(--soft);fill:none;stroke-dasharray:4 3}.odom{stroke:var(--amber);fill:none;stroke-width:2}
+.runs{display:grid;grid-template-columns:repeat(auto-fill,minmax(15rem,1fr));gap:.5rem}.runs figure{margin:0}
+@media print{h2.new{break-before:page}details{display:block}}</style>"""
+
+
+def page(passport: Passport, inside: str, signer: str | None) -> str:
+    """Return the page.
+
+    Args:
+        passport: the record.
+        inside: the JSON text that the page carries: the signed envelope, or the record.
+        signer: who signed; None: nobody.
+    """
+    found = rows(passport)
+    stopped = not any(row.not_stopped for row in found)
+    parts = [
+        STYLE,
+        f'<p class="first {"" if stopped else "bad"}">{escape(sentence(passport))}</p>',
+        '<p class="soft">Measured, not certified. What the sentence does not cover is listed below.</p>',
+        *_table(found),
+        *_curves(found),
+        *_conditions(passport, signer),
+        *_list("Not shown by this measurement", list(not_shown(passport))),
+        *_list("Deviations", passport.deviations),
+        *_runs(passport.cells),
+        *_how_to_read(),
+        BEGIN + inside.strip().replace("<", "\\u003c") + END,
+    ]
+    return document(f"Stop-time passport of {escape(passport.robot)}", parts)
+
+
+def inside_of(text: str) -> str | None:
+    """Return the JSON text that a page carries; None if it carries none."""
+    before, begin, rest = text.partition(BEGIN)
+    inside, end, _ = rest.partition(END)
+    return inside if begin and end and before.startswith("<!doctype html>") else None
+
+
+def _table(found: Sequence[Row]) -> Iterator[str]:
+    yield (
+        '<div class="wide"><table><thead><tr><th class="l">fault</th><th>speed<br>[m/s]</th><th>load<br>[%]</th><th>n</th>'
+        "<th>reaction<br>[s]</th><th>to standstill<br>[s]</th><th>distance<br>[m]</th><th>least deceleration<br>[m/s²]</th>"
+        "<th>runs<br>with slip</th></tr></thead><tbody>"
+    )
+    for row in found:
+        cell = row.cell
+        name = escape(cell.fault) + ("" if cell.with_lifeline else ", without Lifeline")
+        yield f'<tr><td class="l">{name}</td><td>{cell.speed_m_s:g}</td><td>{cell.load_percent}</td><td>{row.runs}</td>'
+        if not row.runs:
+            yield '<td class="l soft" colspan="5">not measured</td></tr>'
+            continue
+        if row.not_stopped:
+            yield f'<td class="l bad" colspan="5">did not stop in {row.not_stopped} of {row.runs} runs</td></tr>'
+            continue
+        least = "" if row.least_m_s2 is None else f"{row.least_m_s2:.2f}"
+        yield _limit(row.reaction_s) + _limit(row.stopping_s) + _limit(row.distance_m)
+        yield f"<td>{least}</td><td>{row.slips or ''}</td></tr>"
+    yield (
+        "</tbody></table></div>"
+        '<p class="soft">Limits include the uncertainty of the instrument. A bold limit covers 95 % of all stops, with 95 % confidence for '
+        "all cells of the sentence together; any other is the largest of the n runs, and says nothing about further ones. "
+        "– : the fault took the recorder with it.</p>"
+    )
+
+
+def _limit(found: Limit | None) -> str:
+    if found is None:
+        return "<td>–</td>"
+    text = f"{found.value:.2f}"
+    return f"<td><b>{text}</b></td>" if found.proven else f"<td>{text}</td>"
+
+
+def _curves(found: Sequence[Row]) -> Iterator[str]:
+    measured = [row for row in found if row.runs]
+    if measured:
+        yield '<div class="pair">'
+        yield stops_over_speed(measured, "distance [m]", lambda run: run.distance_m)
+        yield stops_over_speed(measured, "time to standstill [s]", lambda run: run.t3_s)
+        yield '</div><p class="soft">Each point is one run; runs of plain zeros are joined by the worst of each speed.</p>'
+
+
+def _conditions(passport: Passport, signer: str | None) -> Iterator[str]:
+    conditions, instrument = passport.conditions, passport.instrument
+    pairs = {
+        "robot": passport.robot,
+        "first run": passport.date,
+        "top speed": f"{conditions.top_speed_m_s:g} m/s",
+        "loads": "; ".join(conditions.loads) or "none",
+        "floor": conditions.floor or "not stated",
+        "computer": conditions.machine_load,
+        "distance by": f"{instrument.wall_fit}; ± {1000 * instrument.uncertainty_m:.0f} mm (95 %)",
+        "times by": f"arrival at the recorder; ± {1000 * instrument.uncertainty_s:.0f} ms",
+        "Lifeline": f"{passport.version}, commit {passport.commit or 'unknown'}",
+        "configuration": f"SHA-256 {passport.configuration_sha256}",
+        "this record": f"SHA-256 {digest(passport)}",
+        "signed by": signer or "nobody",
+    }
+    yield '<h2 class="new">Conditions and instrument</h2><dl>'
+    for name, value in pairs.items():
+        yield f"<dt>{name}</dt><dd>{escape(value)}</dd>"
+    yield "</dl>"
+
+
+def _list(title: str, sentences: Sequence[str]) -> Iterator[str]:
+    if sentences:
+        yield f"<h2>{title}</h2><ul>"
+        yield from (f"<li>{escape(one)}</li>" for one in sentences)
+        yield "</ul>"
+
+
+def _runs(cells: Sequence[Cell]) -> Iterator[str]:
+    yield '<h2 class="new">Each run</h2>'
+    yield '<p class="soft">Speed by odometry over the time from the fault, in m/s and s.</p>'
+    for cell in cells:
+        if not cell.runs:
+            continue
+        yield (
+            f"<h3>{escape(cell.fault)}, {cell.speed_m_s:g} m/s, load {cell.load_percent} %</h3>"
+            '<div class="runs">'
+        )
+        for number, run in enumerate(cell.runs, 1):
+            picture = speed_over_time(run, f"Run {number} of {cell.fault}")
+            yield f"<figure>{picture}<figcaption>{number}: {escape(_run(run))}</figcaption></figure>"
+        yield "</div>"
+
+
+def _run(run: Run) -> str:
+    if not run.stopped:
+        return "did not stop"
+    distance = "" if run.distance_m is None else f"{100 * run.distance_m:.1f} cm from {run.v0_m_s:.2f} m/s"
+    time = "time unknown" if run.t3_s is None else f"{run.t3_s:.2f} s"
+    return f"{distance}, {time}" + (", slip" if run.slip else "")
+
+
+def _how_to_read() -> Iterator[str]:
+    yield (
+        "<h2>How to read this</h2><ul>"
+        "<li><b>reaction</b>: from the fault until the speed is below 95 % of that before. <b>to standstill</b>: until it remains "
+        "below 0.01 m/s for 0.2 s. <b>distance</b>: by the lidar at a flat wall, odometry as the second witness.</li>"
+        "<li><b>limits</b>: the r-th largest of n runs, without an assumption about their distribution; the confidence is "
+        "P(Bin(n, 0.05) ≥ r), and the doubt is divided by the number of cells in the sentence (Bonferroni).</li>"
+        "<li>The layout follows ISO 18646-1, clause 6 (stopping characteristics). ISO 3691-4:2023 excludes remotely controlled trucks, "
+        "and this is no assessment by it.</li>"
+        "<li>Check a file with <code>lifeline passport verify FILE --keys BUNDLE</code>. It prints the SHA-256 of the record, "
+        "which stands above, to compare it with a page on paper.</li></ul>"
+    )

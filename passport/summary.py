@@ -1,0 +1,114 @@
+"""What a record says: one row for each cell, and one sentence for all faults together. Pure."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+from passport.record import Cell, Passport, Run
+from passport.statistics import Limit, limit, upper_rate
+
+
+class Row(NamedTuple):
+    """One cell in figures."""
+
+    cell: Cell
+    not_stopped: int
+    """Number of runs in which the robot did not stop."""
+    reaction_s: Limit | None
+    """Until the speed falls; None where no run shows it."""
+    stopping_s: Limit | None
+    """Until standstill."""
+    distance_m: Limit | None
+    least_m_s2: float | None
+    """The smallest deceleration."""
+    slips: int
+
+    @property
+    def runs(self) -> int:
+        return len(self.cell.runs)
+
+
+def rows(passport: Passport) -> list[Row]:
+    """Return one row for each cell, in the order of the record."""
+    together = max(1, len(_spoken_of(passport)))
+    return [_row(passport, cell, together) for cell in passport.cells]
+
+
+def _row(passport: Passport, cell: Cell, together: int) -> Row:
+    instrument = passport.instrument
+
+    def limit_of(value: Callable[[Run], float | None], uncertainty: float) -> Limit | None:
+        values = [found for run in cell.runs if run.stopped and (found := value(run)) is not None]
+        return limit(values, uncertainty, together) if values else None
+
+    return Row(
+        cell,
+        sum(not run.stopped for run in cell.runs),
+        limit_of(lambda run: run.t2_s, instrument.uncertainty_s),
+        limit_of(lambda run: run.t3_s, instrument.uncertainty_s),
+        limit_of(lambda run: run.distance_m, instrument.uncertainty_m),
+        min((run.deceleration_m_s2 for run in cell.runs if run.deceleration_m_s2 is not None), default=None),
+        sum(run.slip for run in cell.runs),
+    )
+
+
+def _spoken_of(passport: Passport) -> list[Cell]:
+    """Return the cells of the sentence: those at the highest measured speed."""
+    fastest_m_s = max((cell.speed_m_s for cell in passport.cells if cell.runs), default=0.0)
+    return [cell for cell in passport.cells if cell.runs and cell.speed_m_s == fastest_m_s]
+
+
+def sentence(passport: Passport) -> str:
+    """Return what the measurement shows, in one sentence."""
+    spoken = _spoken_of(passport)
+    found = [row for row in rows(passport) if row.cell in spoken]
+    if not found:
+        return "Nothing was measured."
+    where = _where(spoken)
+    failed = [row for row in found if row.not_stopped]
+    if failed:
+        each = ", ".join(f"{row.cell.fault} ({row.not_stopped} of {row.runs} runs)" for row in failed)
+        return f"{where}, this robot DID NOT STOP by itself after: {each}."
+    distances = [row.distance_m for row in found if row.distance_m is not None]
+    times = [row.stopping_s for row in found if row.stopping_s is not None]
+    what = (
+        f"{where}, this robot stood within {max(one.value for one in distances):.2f} m ({_proof(distances)})"
+    )
+    if not times:
+        return f"{what}."
+    longest = f"{max(one.value for one in times):.2f} s ({_proof(times)})"
+    if len(times) == len(distances):
+        return f"{what} and {longest}."
+    return f"{what}, and within {longest} after the {_number(len(times))} whose time was recorded."
+
+
+def _where(spoken: Sequence[Cell]) -> str:
+    loads = sorted({cell.load_percent for cell in spoken})
+    faults = len({cell.fault for cell in spoken})
+    loaded = " and ".join(f"{load} %" for load in loads)
+    without = "" if spoken[0].with_lifeline else " without Lifeline"
+    which = "the one fault tested" if faults == 1 else f"any of the {faults} faults tested"
+    return f"After {which}{without}, at {spoken[0].speed_m_s:g} m/s with {loaded} load"
+
+
+def _number(cells: int) -> str:
+    return "one cell" if cells == 1 else f"{cells} cells"
+
+
+def _proof(limits: Sequence[Limit]) -> str:
+    fewest = min(one.runs for one in limits)
+    if all(one.proven for one in limits):
+        return "95 % of all stops, with 95 % confidence for all cells together"
+    return "one run each" if fewest == 1 else f"the largest of {fewest} runs or more each"
+
+
+def not_shown(passport: Passport) -> Iterator[str]:
+    """Yield what the measurement does not show, as sentences."""
+    yield from passport.not_tested
+    for cell in passport.cells:
+        if cell.refused is not None:
+            yield f"{cell.fault} at {cell.speed_m_s:g} m/s, load {cell.load_percent} %: {cell.refused}"
+    runs = min((len(cell.runs) for cell in _spoken_of(passport)), default=0)
+    if runs:
+        yield (
+            f"how often a fault has no stop: none in {runs} runs means at most {100 * upper_rate(runs):.1f} % (95 %)"
+        )

@@ -1,0 +1,50 @@
+"""Which limits became worse."""
+
+from passport.compare import SAME, changes
+from tests.unit.passport.records import cell, record, run
+
+KILLED = "operator's program killed"
+
+
+def test_a_longer_distance_is_worse_and_a_shorter_one_is_not() -> None:
+    found = changes(record(cell(KILLED, run(0.3))), record(cell(KILLED, run(0.4))))
+    assert [(one.quantity, one.is_worse) for one in found] == [
+        ("distance", True),
+        ("stopping time", False),
+        ("reaction", False),
+    ]
+    assert not any(
+        one.is_worse for one in changes(record(cell(KILLED, run(0.4))), record(cell(KILLED, run(0.3))))
+    )
+
+
+def test_a_difference_below_half_a_millimetre_is_none() -> None:
+    (distance, *_) = changes(record(cell(KILLED, run(0.3))), record(cell(KILLED, run(0.3 + 0.9 * SAME))))
+    assert not distance.is_worse
+    (distance, *_) = changes(record(cell(KILLED, run(0.3))), record(cell(KILLED, run(0.3 + 1.1 * SAME))))
+    assert distance.is_worse
+
+
+def test_a_limit_that_is_no_longer_known_is_worse() -> None:
+    lost = changes(record(cell(KILLED, run())), record())
+    assert [one.is_worse for one in lost] == [True, True, True]
+    failed = changes(record(cell(KILLED, run())), record(cell(KILLED, run(stopped=False))))
+    assert [(one.new, one.is_worse) for one in failed] == [(None, True)] * 3
+
+
+def test_a_new_cell_is_not_worse() -> None:
+    found = changes(record(), record(cell(KILLED, run())))
+    assert [(one.old, one.is_worse) for one in found] == [(None, False)] * 3
+    assert found[0].result["worse"] is False
+    assert found[0].result["fault"] == KILLED
+
+
+def test_other_speeds_and_loads_are_other_cells() -> None:
+    found = changes(record(cell(KILLED, run())), record(cell(KILLED, run(), load_percent=100)))
+    assert len(found) == 6
+
+
+def test_a_cell_without_runs_and_a_quantity_that_neither_shows_are_left_out() -> None:
+    assert changes(record(cell(KILLED)), record(cell(KILLED))) == []
+    cut = record(cell("supervisor killed", run(stop_s=None)))
+    assert [one.quantity for one in changes(cut, cut)] == ["distance"]

@@ -1,0 +1,77 @@
+"""Rows and the sentence of a passport."""
+
+from passport.summary import not_shown, rows, sentence
+from tests.unit.passport.records import UNCERTAINTY_M, UNCERTAINTY_S, cell, record, run
+
+KILLED, SILENT = "operator's program killed", "supervisor killed"
+
+
+def test_a_row_has_the_limits_with_the_uncertainty_of_the_instrument() -> None:
+    (row,) = rows(record(cell(KILLED, run(0.3), run(0.2, stop_s=0.7))))
+    assert row.distance_m is not None
+    assert row.stopping_s is not None
+    assert row.reaction_s is not None
+    assert row.distance_m.value == 0.3 + UNCERTAINTY_M
+    assert row.stopping_s.value == 0.7 + UNCERTAINTY_S
+    assert row.reaction_s.value == 0.1 + UNCERTAINTY_S
+    assert (row.runs, row.not_stopped, row.least_m_s2, row.slips) == (2, 0, 1.8, 0)
+
+
+def test_a_row_of_a_fault_that_takes_the_recorder_has_only_a_distance() -> None:
+    (row,) = rows(record(cell(SILENT, run(0.3, stop_s=None))))
+    assert row.distance_m is not None
+    assert (row.stopping_s, row.reaction_s, row.least_m_s2) == (None, None, None)
+
+
+def test_the_sentence_speaks_of_the_highest_speed_alone() -> None:
+    found = sentence(record(cell("plain zero", run(0.9, v0_m_s=0.3), speed_m_s=0.3), cell(KILLED, run(0.3))))
+    assert found == (
+        "After the one fault tested, at 0.8 m/s with 0 % load, this robot stood within 0.31 m (one run each) and 0.52 s "
+        "(one run each)."
+    )
+
+
+def test_the_sentence_states_for_which_faults_the_time_is_known() -> None:
+    found = sentence(
+        record(cell(KILLED, run(), run()), cell(SILENT, run(0.4, stop_s=None), run(stop_s=None)))
+    )
+    assert "any of the 2 faults tested" in found
+    assert "within 0.41 m (the largest of 2 runs or more each), and within 0.52 s" in found
+    assert found.endswith("after the one cell whose time was recorded.")
+    three = sentence(record(cell(KILLED, run()), cell("e-stop", run()), cell(SILENT, run(stop_s=None))))
+    assert three.endswith("after the 2 cells whose time was recorded.")
+
+
+def test_the_sentence_without_any_time_has_a_distance_only() -> None:
+    found = sentence(record(cell(SILENT, run(0.4, stop_s=None))))
+    assert found.endswith("this robot stood within 0.41 m (one run each).")
+
+
+def test_a_run_without_a_stop_is_the_sentence() -> None:
+    found = sentence(record(cell(KILLED, run(), run(stopped=False)), cell("e-stop", run())))
+    assert found.endswith("this robot DID NOT STOP by itself after: operator's program killed (1 of 2 runs).")
+
+
+def test_enough_runs_prove_the_sentence() -> None:
+    found = sentence(record(cell(KILLED, *[run()] * 59)))
+    assert "95 % of all stops, with 95 % confidence for all cells together" in found
+
+
+def test_a_record_without_runs_shows_nothing() -> None:
+    assert sentence(record(cell(KILLED, refused="the wall is too near"))) == "Nothing was measured."
+    assert sentence(record()) == "Nothing was measured."
+
+
+def test_a_measurement_without_lifeline_is_named() -> None:
+    without = cell(KILLED, run()).model_copy(update={"with_lifeline": False})
+    assert "After the one fault tested without Lifeline" in sentence(record(without))
+
+
+def test_what_was_refused_or_never_tested_is_listed() -> None:
+    found = list(
+        not_shown(record(cell(KILLED, refused="the wall is too near"), cell("e-stop", *[run()] * 59)))
+    )
+    assert "a turn on the spot" in found
+    assert "operator's program killed at 0.8 m/s, load 0 %: the wall is too near" in found
+    assert found[-1] == "how often a fault has no stop: none in 59 runs means at most 5.0 % (95 %)"
+    assert not any("how often" in one for one in not_shown(record()))
