@@ -52,7 +52,7 @@ EQUIVALENT = {
     "entered = clearance <= keep - GRAZE_M - DEEP_TOLERANCE_M_S * horizon_s",
     "scale = 0.0 if on_its_arc <= PRESENT_SHARE else scale",
     "lost[row] = len(row) * step_rad >= LEAST_RAD and arc_m >= strip_m",
-    "if before_m_s > BEGUN_SHARE * braking.mean_m_s or braking.first_m_s == 0.0:",
+    "if before_m_s > BEGUN_SHARE * braking.mean_m_s:",
     "stopping=mean_m_s >= LEAST_SPEED_M_S and speed_m_s > BEGUN_SHARE * mean_m_s,",
     "return (self.t * self.v - self.n * self.tv) / spread if spread >= LEAST_SPREAD_S2 else math.inf",
     "return np.abs(now - before) <= LEAST_CHANGE_M",

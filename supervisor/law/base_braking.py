@@ -205,7 +205,8 @@ def measure(
         whole_m = (braking.mean_m_s + speed_m_s) / 2.0 * since_s
     else:
         whole_m = braking.whole_m + driven_m
-    if before_m_s >= BEGUN_SHARE * braking.mean_m_s or braking.first_m_s == 0.0:
+    # Also at the first sample after zero was commanded: otherwise this stop is not measured.
+    if before_m_s >= BEGUN_SHARE * braking.mean_m_s:
         return braking._replace(
             first_m_s=speed_m_s, way_m=0.0, whole_m=whole_m, line=NO_LINE.add(since_s, speed_m_s)
         )

@@ -84,6 +84,16 @@ def test_the_newest_sample_is_kept_while_the_base_drives_and_while_it_stops(*, i
     assert (braking.last_m_s, braking.last_s) == (0.7, 1.0)
 
 
+def test_a_base_exactly_as_fast_as_the_noise_stands_still() -> None:
+    braking = measure(UNMEASURED, 1.0, 0.0, is_driven=True)
+    for number in range(1, 51):
+        braking = measure(braking, 1.0, number * 0.02, is_driven=True)
+    braking = measure(braking, 0.8, 1.02, is_driven=False, stopped_s=1.0)
+    braking = measure(braking, 0.2, 1.06, is_driven=False, stopped_s=1.0)
+    assert measure(braking, math.nextafter(STANDING_M_S, 1.0), 1.08, is_driven=False, stopped_s=1.0).stopping
+    assert not measure(braking, STANDING_M_S, 1.08, is_driven=False, stopped_s=1.0).stopping
+
+
 def test_without_a_stop_nothing_is_known() -> None:
     assert bound_m_s2(UNMEASURED) == math.inf
 
