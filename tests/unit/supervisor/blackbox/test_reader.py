@@ -126,5 +126,5 @@ def test_a_header_of_deep_lists_or_huge_numbers_is_refused(tmp_path: Path, text:
 def test_a_pipe_is_refused_without_waiting_for_its_writer(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe.jsonl.gz"
     os.mkfifo(pipe)
-    with pytest.raises(BlackBoxError, match="not a black box"):
+    with pytest.raises(BlackBoxError, match="it is a pipe or a device, not a file"):
         BlackBoxReader(pipe)
