@@ -155,6 +155,19 @@ async def test_a_robot_on_a_disk_that_holds_no_record_moves_neither_before_an_es
         await subject.drive()
 
 
+async def test_an_estop_on_a_disk_that_has_filled_while_driving_outlives_a_restart(
+    tmp_path: Path, disk: Path
+) -> None:
+    async with robot(tmp_path, state=disk) as subject:
+        await subject.drive()
+        without_space(disk)
+        assert subject.bus is not None
+        subject.bus.publisher(topics.ESTOP).put(Bool(data=True))
+        await subject.until(lambda: ESTOP in subject.status.reasons, "the e-stop")
+        await restart_supervisor(subject)
+        await nothing_moves(subject)
+
+
 NOBODY = 65_534
 
 

@@ -209,6 +209,20 @@ def test_every_command_names_the_certificate_that_is_refused(
     assert f"this program used the certificate of mallory in {bundle}" in said
 
 
+@pytest.mark.parametrize("words", [["status"], ["estop"]], ids=["status", "estop"])
+def test_a_bundle_that_others_can_change_is_refused_with_its_repair(
+    ours: TestAuthority, words: list[str]
+) -> None:
+    bundle = ours.bundle("anna", Role.OPERATOR, robot="any")
+    bundle.chmod(0o777)
+    ended = lifeline(*words, "--endpoint", secure_endpoint("tls"), "--keys", bundle)
+    assert ended.returncode == 2
+    assert len(ended.stderr.splitlines()) == 1, ended.stderr
+    assert (
+        f"{bundle} has mode 0777, so that other users can change it: run `chmod 755 {bundle}`" in ended.stderr
+    )
+
+
 @pytest.mark.parametrize("options", [[], ["--name", "door"]], ids=["once", "station"])
 def test_an_estop_with_a_certificate_that_may_not_stop_says_so(
     ours: TestAuthority, options: list[str]
