@@ -52,7 +52,7 @@ def speed_over_time(run: Run, title: str) -> str:
     most_m_s = ROOM * max(run.v0_m_s, *(sample[1] for sample in run.trace), 0.1)
     least_m_s = min(0.0, *(sample[1] for sample in run.trace), 0.0)
     span = (times[0], max(times[-1], times[0] + 0.1))
-    plot = _Plot(34.0, 6.0, SMALL_WIDTH_PX - 40.0, SMALL_HEIGHT_PX - 24.0, span, (least_m_s, most_m_s))
+    plot = _Plot(34.0, 6.0, SMALL_WIDTH_PX - 50.0, SMALL_HEIGHT_PX - 24.0, span, (least_m_s, most_m_s))
     fault = (
         f'<path class="bound" d="M{plot.x(min(max(0.0, span[0]), span[1])):.1f} {plot.top}v{plot.height}"/>'
     )

@@ -70,15 +70,16 @@ def sentence(passport: Passport) -> str:
         return f"{where}, this robot DID NOT STOP by itself after: {each}."
     distances = [row.distance_m for row in found if row.distance_m is not None]
     times = [row.stopping_s for row in found if row.stopping_s is not None]
-    what = (
-        f"{where}, this robot stood within {max(one.value for one in distances):.2f} m ({_proof(distances)})"
-    )
-    if not times:
-        return f"{what}."
-    longest = f"{max(one.value for one in times):.2f} s ({_proof(times)})"
-    if len(times) == len(distances):
-        return f"{what} and {longest}."
-    return f"{what}, and within {longest} after the {_number(len(times))} whose time was recorded."
+    what = f"{where}, this robot stood within {max(one.value for one in distances):.2f} m"
+    if times:
+        longest = f"within {max(one.value for one in times):.2f} s"
+        which = (
+            ""
+            if len(times) == len(distances)
+            else f", after the {_number(len(times))} whose time was recorded,"
+        )
+        what += f" and{which} {longest}"
+    return f"{what}: {_proof([*distances, *times])}."
 
 
 def _where(spoken: Sequence[Cell]) -> str:
@@ -95,10 +96,12 @@ def _number(cells: int) -> str:
 
 
 def _proof(limits: Sequence[Limit]) -> str:
-    fewest = min(one.runs for one in limits)
     if all(one.proven for one in limits):
-        return "95 % of all stops, with 95 % confidence for all cells together"
-    return "one run each" if fewest == 1 else f"the largest of {fewest} runs or more each"
+        return "95 % of all stops, with 95 % confidence for all of these cells together"
+    fewest, most = min(one.runs for one in limits), max(one.runs for one in limits)
+    if most == 1:
+        return "one run each"
+    return f"the largest of {'at least ' if fewest < most else ''}{fewest} {'run' if fewest == 1 else 'runs'} each"
 
 
 def not_shown(passport: Passport) -> Iterator[str]:

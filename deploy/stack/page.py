@@ -7,8 +7,6 @@ STYLE = """
 --green:#2f7d4b;--amber:#b5731a}
 @media(prefers-color-scheme:dark){:root{--ink:#e4e8ec;--paper:#15191e;--soft:#98a3af;--rule:#343c45;--blue:#7eb0e3;
 --red:#ff7a70;--green:#6cc68b;--amber:#e8a33d}}
-@media print{:root{--ink:#000;--paper:#fff;--soft:#444;--rule:#bbb;--blue:#245;--red:#a00;--green:#160;--amber:#840}
-details{break-inside:avoid}tr,svg{break-inside:avoid}.wide{overflow:visible}table{font-size:8pt}}
 body{background:var(--paper);color:var(--ink);font:15px/1.5 system-ui,sans-serif;max-width:76rem;margin:2rem auto;
 padding:0 1rem}
 h1{line-height:1.2}h2{margin-top:3rem;border-bottom:1px solid var(--rule)}
@@ -26,6 +24,8 @@ svg{max-width:100%;height:auto;font:11px system-ui,sans-serif}svg text{fill:var(
 .stopped{fill:var(--red);fill-opacity:.18}.why{font-size:10px}
 .key{display:inline-block;width:1.6rem;border-top:3px solid;vertical-align:middle;margin:0 .3rem 0 1rem}
 figure{margin:1rem 0}figcaption{color:var(--soft);font-size:13px}
+@media print{:root{--ink:#000;--paper:#fff;--soft:#444;--rule:#bbb;--blue:#245;--red:#a00;--green:#160;--amber:#840}
+details{break-inside:avoid}tr,svg{break-inside:avoid}.wide{overflow:visible}table{font-size:8pt}}
 """
 
 

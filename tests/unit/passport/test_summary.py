@@ -26,8 +26,7 @@ def test_a_row_of_a_fault_that_takes_the_recorder_has_only_a_distance() -> None:
 def test_the_sentence_speaks_of_the_highest_speed_alone() -> None:
     found = sentence(record(cell("plain zero", run(0.9, v0_m_s=0.3), speed_m_s=0.3), cell(KILLED, run(0.3))))
     assert found == (
-        "After the one fault tested, at 0.8 m/s with 0 % load, this robot stood within 0.31 m (one run each) and 0.52 s "
-        "(one run each)."
+        "After the one fault tested, at 0.8 m/s with 0 % load, this robot stood within 0.31 m and within 0.52 s: one run each."
     )
 
 
@@ -36,15 +35,22 @@ def test_the_sentence_states_for_which_faults_the_time_is_known() -> None:
         record(cell(KILLED, run(), run()), cell(SILENT, run(0.4, stop_s=None), run(stop_s=None)))
     )
     assert "any of the 2 faults tested" in found
-    assert "within 0.41 m (the largest of 2 runs or more each), and within 0.52 s" in found
-    assert found.endswith("after the one cell whose time was recorded.")
+    assert found.endswith(
+        "within 0.41 m and, after the one cell whose time was recorded, within 0.52 s: the largest of 2 runs each."
+    )
     three = sentence(record(cell(KILLED, run()), cell("e-stop", run()), cell(SILENT, run(stop_s=None))))
-    assert three.endswith("after the 2 cells whose time was recorded.")
+    assert "and, after the 2 cells whose time was recorded, within 0.52 s" in three
 
 
 def test_the_sentence_without_any_time_has_a_distance_only() -> None:
     found = sentence(record(cell(SILENT, run(0.4, stop_s=None))))
-    assert found.endswith("this robot stood within 0.41 m (one run each).")
+    assert found.endswith("this robot stood within 0.41 m: one run each.")
+
+
+def test_the_sentence_names_the_fewest_runs_of_a_cell() -> None:
+    assert sentence(record(cell(KILLED, run(), run()), cell("e-stop", run()))).endswith(
+        "the largest of at least 1 run each."
+    )
 
 
 def test_a_run_without_a_stop_is_the_sentence() -> None:
@@ -54,7 +60,7 @@ def test_a_run_without_a_stop_is_the_sentence() -> None:
 
 def test_enough_runs_prove_the_sentence() -> None:
     found = sentence(record(cell(KILLED, *[run()] * 59)))
-    assert "95 % of all stops, with 95 % confidence for all cells together" in found
+    assert "95 % of all stops, with 95 % confidence for all of these cells together" in found
 
 
 def test_a_record_without_runs_shows_nothing() -> None:
