@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from commission.commission import replace_file
 from deploy.keys.signatures import Envelope, SignatureError, Signer, envelope_of, payload_of, signed, verify
-from deploy.stack.console import show
+from deploy.stack.console import answer, show
 from deploy.stack.errors import DeployError
 from deploy.stack.table import Column, Table
 from passport.compare import changes
@@ -103,6 +103,10 @@ def compare(old: Path, new: Path, *, as_json: bool) -> int:
         raise DeployError(
             f"{old} and {new} have no measured cell in common: measure the same faults and speeds"
         )
+    results = [one.result for one in found]
+    if all(one.old == one.new for one in found):
+        answer(results, f"all {len(found)} limits are the same", as_json=as_json)
+        return 0
     worse = sum(one.is_worse for one in found)
     table = Table(
         "fault", SPEED, LOAD, "limit", OLD, NEW, "", title=f"{worse} of {len(found)} limits became worse"
@@ -119,7 +123,7 @@ def compare(old: Path, new: Path, *, as_json: bool) -> int:
                 _shown(one.new),
                 "worse" if one.is_worse else "",
             )
-    show([one.result for one in found], table, as_json=as_json)
+    show(results, table, as_json=as_json)
     return WORSE if worse else 0
 
 

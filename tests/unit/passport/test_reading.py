@@ -219,6 +219,9 @@ def test_a_worse_limit_is_shown_and_fails(
     assert "0.310" in shown
     assert "0.410" in shown
     assert compare(worse, measured, as_json=False) == 0
+    capsys.readouterr()
+    assert compare(measured, measured, as_json=False) == 0
+    assert "all 3 limits are the same" in capsys.readouterr().out
     assert compare(measured, measured, as_json=True) == 0
     assert '"worse": false' in capsys.readouterr().out
 
