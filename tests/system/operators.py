@@ -173,6 +173,9 @@ class Operator:
         self.bells = 0
         self.answered = 0
         """Number of the program's status requests that the terminal has answered."""
+        self.buffers_s = 0.0
+        """For how long the link between program and terminal collects what it delivers at once, in each direction."""
+        self._collected = b""
         self.unanswered = 0
         self._pending = b""
         self._screens = [pyte.Screen(100, 30), pyte.Screen(100, 30)]
@@ -244,6 +247,12 @@ class Operator:
 
     def _read(self) -> None:
         data = os.read(self._master, 4096)
+        if self.buffers_s:
+            asyncio.get_running_loop().call_later(self.buffers_s, self._show, data)
+        else:
+            self._show(data)
+
+    def _show(self, data: bytes) -> None:
         self.output += data.decode(errors="replace")
         self.bells += data.count(b"\a")
         data = self._pending + data
@@ -291,7 +300,17 @@ class Operator:
     # --- the keyboard
 
     def type(self, keys: bytes) -> None:
-        os.write(self._master, keys)
+        if not self.buffers_s:
+            os.write(self._master, keys)
+            return
+        if not self._collected:
+            asyncio.get_running_loop().call_later(self.buffers_s, self._deliver)
+        self._collected += keys
+
+    def _deliver(self) -> None:
+        collected, self._collected = self._collected, b""
+        if not self._hung_up:
+            os.write(self._master, collected)
 
     def answer_all(self) -> None:
         """Answer all open status requests, and all later ones."""

@@ -21,6 +21,7 @@ from tests.system.operators import (
     free_endpoint,
     hub,
     operator,
+    press,
     until,
 )
 from wire.messages import SafetyStatus
@@ -78,6 +79,9 @@ async def test_of_the_keys_of_the_lab_none_is_ignored() -> None:
         assert "ignored" not in op.output
 
 
+KEY_S = 0.15
+"""Between two keys of a person who types quickly."""
+
 STOP_SIGNS = (b"^", b"~", "´".encode(), b"\x1b", b"\x13", b"\x1b[A")
 """The first three are a dead key before SPACE."""
 
@@ -123,6 +127,18 @@ async def test_equal_keys_that_a_slow_link_delivers_at_once_all_count() -> None:
     async with driving() as (h, op):
         op.type(b"wwa")
         await until(lambda: h.asks(0.3, 0.2))
+
+
+@pytest.mark.parametrize("round_trip_s", [0.05, 0.2, 0.5])
+async def test_keys_that_are_typed_over_a_slow_link_to_the_terminal_all_count(round_trip_s: float) -> None:
+    async with driving() as (h, op):
+        op.buffers_s = round_trip_s / 2.0
+
+        def typed() -> None:
+            for number, key in enumerate((b"s", b"w", b"w", b"w")):
+                asyncio.get_running_loop().call_later(number * KEY_S, op.type, key)
+
+        await press(typed, lambda: h.asks(0.3, 0.0))
 
 
 @pytest.mark.parametrize(
