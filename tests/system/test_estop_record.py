@@ -155,17 +155,25 @@ async def test_a_robot_on_a_disk_that_holds_no_record_moves_neither_before_an_es
         await subject.drive()
 
 
-async def test_an_estop_on_a_disk_that_has_filled_while_driving_outlives_a_restart(
-    tmp_path: Path, disk: Path
+@pytest.mark.long
+@pytest.mark.parametrize("spoil", [without_space, without_inodes])
+async def test_an_estop_on_a_disk_that_became_full_while_the_robot_drove_outlives_the_supervisor(
+    spoil: Callable[[Path], None], tmp_path: Path, disk: Path
 ) -> None:
     async with robot(tmp_path, state=disk) as subject:
         await subject.drive()
-        without_space(disk)
+        spoil(disk)
         assert subject.bus is not None
         subject.bus.publisher(topics.ESTOP).put(Bool(data=True))
         await subject.until(lambda: ESTOP in subject.status.reasons, "the e-stop")
         await restart_supervisor(subject)
+        assert ESTOP in subject.status.reasons
         await nothing_moves(subject)
+        repair(disk)
+        await nothing_moves(subject)
+        await subject.press("r", lambda: ESTOP not in subject.status.causes, "a reset")
+        await subject.until(lambda: UNRECORDED not in subject.status.causes, "a disk that works")
+        await subject.drive()
 
 
 NOBODY = 65_534
