@@ -73,8 +73,8 @@ def _table(found: Sequence[Row]) -> Iterator[str]:
     yield (
         "</tbody></table></div>"
         '<p class="soft">Limits include the uncertainty of the instrument. A bold limit covers 95 % of all stops, with 95 % confidence for '
-        "all cells of the sentence together; any other is the largest of the n runs, and says nothing about further ones. "
-        "– : the fault took the recorder with it.</p>"
+        "all cells of the sentence together, each quantity by itself; any other is the largest of the n runs, and says nothing about further "
+        "ones. – : not every run shows it, such as after a fault that takes the recorder with it.</p>"
     )
 
 

@@ -99,12 +99,12 @@ def compare(old: Path, new: Path, *, as_json: bool) -> int:
     """
     (before, _), (after, _) = _read(old), _read(new)
     found = changes(before, after)
-    if not any(one.old is not None and one.new is not None for one in found):
+    if not any(one.is_in_both for one in found):
         raise DeployError(
-            f"{old} and {new} have no measured cell in common: measure the same faults and speeds"
+            f"{old} and {new} have no measured cell in common in which the robot stopped: measure the same faults and speeds"
         )
     results = [one.result for one in found]
-    if all(one.old == one.new for one in found):
+    if not any(one.is_different for one in found):
         answer(results, f"all {len(found)} limits are the same", as_json=as_json)
         return 0
     worse = sum(one.is_worse for one in found)
@@ -112,22 +112,24 @@ def compare(old: Path, new: Path, *, as_json: bool) -> int:
         "fault", SPEED, LOAD, "limit", OLD, NEW, "", title=f"{worse} of {len(found)} limits became worse"
     )
     for one in found:
-        if one.old != one.new:
+        if one.is_different:
             cell, quantity = one.cell, f"{one.quantity} [{one.unit}]"
             condition = (f"{cell.speed_m_s:g}", f"{cell.load_percent} %")
             table.add_row(
                 cell.fault,
                 *condition,
                 quantity,
-                _shown(one.old),
-                _shown(one.new),
+                _shown(one.old, failed=one.old_failed),
+                _shown(one.new, failed=one.new_failed),
                 "worse" if one.is_worse else "",
             )
     show(results, table, as_json=as_json)
     return WORSE if worse else 0
 
 
-def _shown(value: float | None) -> str:
+def _shown(value: float | None, *, failed: bool) -> str:
+    if failed:
+        return "did not stop"
     return "not measured" if value is None else f"{value:.3f}"
 
 

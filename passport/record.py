@@ -139,4 +139,6 @@ def from_json(text: str) -> Passport:
     except ValidationError as error:
         fault = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in fault["loc"]) or "the text"
-        raise ForeignError(f"not a passport of format {FORMAT}: {where}: {fault['msg'].lower()}") from error
+        raise ForeignError(
+            f"not a passport of format {FORMAT}: {where:.60}: {fault['msg'].lower():.200}"
+        ) from error

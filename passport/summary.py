@@ -1,5 +1,6 @@
 """What a record says: one row for each cell, and one sentence for all faults together. Pure."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ class Row(NamedTuple):
     not_stopped: int
     """Number of runs in which the robot did not stop."""
     reaction_s: Limit | None
-    """Until the speed falls; None where no run shows it."""
+    """Until the speed falls; None where too few runs show it."""
     stopping_s: Limit | None
     """Until standstill."""
     distance_m: Limit | None
@@ -37,8 +38,11 @@ def _row(passport: Passport, cell: Cell, together: int) -> Row:
     instrument = passport.instrument
 
     def limit_of(value: Callable[[Run], float | None], uncertainty: float) -> Limit | None:
-        values = [found for run in cell.runs if run.stopped and (found := value(run)) is not None]
-        return limit(values, uncertainty, together) if values else None
+        # A run that does not show the quantity may be the longest of all: it counts as longer than any other.
+        shown = [value(run) if run.stopped else None for run in cell.runs]
+        values = [math.inf if one is None else one for one in shown]
+        found = limit(values, uncertainty, together) if values else None
+        return None if found is None or math.isinf(found.value) else found
 
     return Row(
         cell,
@@ -52,9 +56,12 @@ def _row(passport: Passport, cell: Cell, together: int) -> Row:
 
 
 def _spoken_of(passport: Passport) -> list[Cell]:
-    """Return the cells of the sentence: those at the highest measured speed."""
-    fastest_m_s = max((cell.speed_m_s for cell in passport.cells if cell.runs), default=0.0)
-    return [cell for cell in passport.cells if cell.runs and cell.speed_m_s == fastest_m_s]
+    """Return the cells of the sentence: those at the highest measured speed, with Lifeline if there are any."""
+    measured = [cell for cell in passport.cells if cell.runs]
+    with_lifeline = any(cell.with_lifeline for cell in measured)
+    alike = [cell for cell in measured if cell.with_lifeline == with_lifeline]
+    fastest_m_s = max((cell.speed_m_s for cell in alike), default=0.0)
+    return [cell for cell in alike if cell.speed_m_s == fastest_m_s]
 
 
 def sentence(passport: Passport) -> str:
@@ -97,8 +104,11 @@ def _number(cells: int) -> str:
 
 def _proof(limits: Sequence[Limit]) -> str:
     if all(one.proven for one in limits):
-        return "95 % of all stops, with 95 % confidence for all of these cells together"
-    fewest, most = min(one.runs for one in limits), max(one.runs for one in limits)
+        return "95 % of all stops, with 95 % confidence for all of these cells together, distance and time each by itself"
+    counts = [one.runs for one in limits if not one.proven]
+    fewest, most = min(counts), max(counts)
+    if len(counts) < len(limits):
+        return f"not 95/95 for all cells, some limits are the largest of {fewest} {'run' if fewest == 1 else 'runs'}"
     if most == 1:
         return "one run each"
     return f"the largest of {'at least ' if fewest < most else ''}{fewest} {'run' if fewest == 1 else 'runs'} each"
@@ -110,8 +120,9 @@ def not_shown(passport: Passport) -> Iterator[str]:
     for cell in passport.cells:
         if cell.refused is not None:
             yield f"{cell.fault} at {cell.speed_m_s:g} m/s, load {cell.load_percent} %: {cell.refused}"
-    runs = min((len(cell.runs) for cell in _spoken_of(passport)), default=0)
-    if runs:
+    spoken = _spoken_of(passport)
+    runs = min((len(cell.runs) for cell in spoken), default=0)
+    if runs and all(run.stopped for cell in spoken for run in cell.runs):
         yield (
             f"how often a fault has no stop: none in {runs} runs means at most {100 * upper_rate(runs):.1f} % (95 %)"
         )

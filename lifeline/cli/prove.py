@@ -409,7 +409,7 @@ def passport_diff(
 ) -> int:
     """Compare the limits of two passports of the same cells.
 
-    Exit 1 if a limit became worse or is no longer known.
+    Exit 1 if a limit became worse or is no longer known, or if the robot did not stop, 2 if there is nothing to compare.
     """
     from passport.reading import compare
 

@@ -39,6 +39,25 @@ def test_a_new_cell_is_not_worse() -> None:
     assert found[0].result["fault"] == KILLED
 
 
+def test_a_robot_that_does_not_stop_is_worse_also_in_a_new_cell() -> None:
+    old = record(cell(KILLED, run()))
+    new = record(cell(KILLED, run()), cell("e-stop", run(stopped=False)))
+    assert [(one.cell.fault, one.is_worse) for one in changes(old, new) if one.is_different] == [
+        ("e-stop", True)
+    ] * 3
+    assert not any(one.is_in_both for one in changes(old, new) if one.is_different)
+
+
+def test_a_robot_that_stops_again_is_comparable_and_not_worse() -> None:
+    found = changes(record(cell(KILLED, run(stopped=False))), record(cell(KILLED, run())))
+    assert [(one.is_in_both, one.is_different, one.is_worse) for one in found] == [(True, True, False)] * 3
+
+
+def test_a_robot_that_stopped_in_neither_has_nothing_to_compare() -> None:
+    failed = record(cell(KILLED, run(stopped=False)))
+    assert changes(failed, failed) == []
+
+
 def test_other_speeds_and_loads_are_other_cells() -> None:
     found = changes(record(cell(KILLED, run())), record(cell(KILLED, run(), load_percent=100)))
     assert len(found) == 6

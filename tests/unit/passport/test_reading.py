@@ -240,3 +240,25 @@ def test_a_limit_that_is_not_known_any_more_is_shown_in_words(
     lost.write_text(record(cell("e-stop", run(0.3, stop_s=None))).to_json())
     assert compare(measured, lost, as_json=False) == 1
     assert "not measured" in capsys.readouterr().out
+
+
+def test_a_robot_that_does_not_stop_any_more_is_worse(
+    measured: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    failed = tmp_path / "failed.json"
+    for cells in (
+        [cell("e-stop", run(stopped=False))],
+        [*PASSPORT.cells, cell("operator's program killed", run(stopped=False))],
+    ):
+        failed.write_text(record(*cells).to_json())
+        assert compare(measured, failed, as_json=False) == 1
+        assert "did not stop" in capsys.readouterr().out
+        assert compare(measured, failed, as_json=True) == 1
+        assert '"new_did_not_stop": true' in capsys.readouterr().out
+
+
+def test_a_refusal_quotes_little_of_the_file(measured: Path) -> None:
+    measured.write_text(json.dumps(json.loads(PASSPORT.to_json()) | {"x" * 100_000: 1}))
+    with pytest.raises(DeployError) as caught:
+        report(measured, measured, None)
+    assert len(str(caught.value)) < len(str(measured)) + 300

@@ -42,6 +42,20 @@ def test_the_sentence_states_for_which_faults_the_time_is_known() -> None:
     assert "and, after the 2 cells whose time was recorded, within 0.52 s" in three
 
 
+def test_a_run_that_does_not_show_a_time_counts_as_longer_than_any_other() -> None:
+    lost = run().model_copy(update={"t3_s": None})
+    (row,) = rows(record(cell(KILLED, *[run()] * 59, lost)))
+    assert row.stopping_s is None
+    assert row.distance_m is not None
+    assert row.reaction_s is not None
+    assert "and within" not in sentence(record(cell(KILLED, *[run()] * 59, lost)))
+    (second,) = rows(record(cell(KILLED, *[run()] * 92, lost)))
+    assert second.stopping_s is not None
+    assert second.stopping_s.runs == 93
+    (most,) = rows(record(cell(KILLED, *[run()] * 91, lost, lost)))
+    assert most.stopping_s is None
+
+
 def test_the_sentence_without_any_time_has_a_distance_only() -> None:
     found = sentence(record(cell(SILENT, run(0.4, stop_s=None))))
     assert found.endswith("this robot stood within 0.41 m: one run each.")
@@ -60,7 +74,18 @@ def test_a_run_without_a_stop_is_the_sentence() -> None:
 
 def test_enough_runs_prove_the_sentence() -> None:
     found = sentence(record(cell(KILLED, *[run()] * 59)))
-    assert "95 % of all stops, with 95 % confidence for all of these cells together" in found
+    assert found.endswith(
+        "95 % of all stops, with 95 % confidence for all of these cells together, distance and time each by itself."
+    )
+
+
+def test_a_sentence_that_is_proven_for_some_cells_only_is_no_proof_and_no_largest_of_all() -> None:
+    """The limit of the many runs is the second largest, so it is not true that no run was longer."""
+    many = cell(KILLED, *[run()] * 199, run(0.9))
+    assert sentence(record(many, cell("e-stop", *[run()] * 10))).endswith(
+        "within 0.31 m and within 0.52 s: not 95/95 for all cells, some limits are the largest of 10 runs."
+    )
+    assert sentence(record(many, cell("e-stop", run()))).endswith("some limits are the largest of 1 run.")
 
 
 def test_a_record_without_runs_shows_nothing() -> None:
@@ -73,6 +98,14 @@ def test_a_measurement_without_lifeline_is_named() -> None:
     assert "After the one fault tested without Lifeline" in sentence(record(without))
 
 
+def test_the_sentence_does_not_mix_runs_with_and_without_lifeline() -> None:
+    without = cell(KILLED, run(0.9)).model_copy(update={"with_lifeline": False})
+    for cells in ((without, cell(KILLED, run(0.3))), (cell(KILLED, run(0.3)), without)):
+        found = sentence(record(*cells))
+        assert found.startswith("After the one fault tested, at")
+        assert "within 0.31 m" in found
+
+
 def test_what_was_refused_or_never_tested_is_listed() -> None:
     found = list(
         not_shown(record(cell(KILLED, refused="the wall is too near"), cell("e-stop", *[run()] * 59)))
@@ -81,3 +114,8 @@ def test_what_was_refused_or_never_tested_is_listed() -> None:
     assert "operator's program killed at 0.8 m/s, load 0 %: the wall is too near" in found
     assert found[-1] == "how often a fault has no stop: none in 59 runs means at most 5.0 % (95 %)"
     assert not any("how often" in one for one in not_shown(record()))
+
+
+def test_a_robot_that_did_not_stop_has_no_rate_of_no_failures() -> None:
+    failed = record(cell(KILLED, run(), run(stopped=False)), cell("e-stop", run()))
+    assert not any("how often" in one for one in not_shown(failed))
