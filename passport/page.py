@@ -7,7 +7,7 @@ from deploy.stack.page import document
 from passport.drawing import speed_over_time, stops_over_speed
 from passport.record import Cell, Passport, Run
 from passport.statement import digest
-from passport.statistics import Limit
+from passport.statistics import Limit, rounded_up
 from passport.summary import Row, not_shown, rows, sentence
 
 BEGIN, END = '<script type="application/json" id="passport">', "</script>"
@@ -72,7 +72,7 @@ def _table(found: Sequence[Row]) -> Iterator[str]:
         yield f"<td>{least}</td><td>{row.slips or ''}</td></tr>"
     yield (
         "</tbody></table></div>"
-        '<p class="soft">Limits include the uncertainty of the instrument. A bold limit covers 95 % of all stops, with 95 % confidence for '
+        '<p class="soft">Limits include the uncertainty of the instrument and are rounded up. A bold limit covers 95 % of all stops, with 95 % confidence for '
         "all cells of the sentence together, each quantity by itself; any other is the largest of the n runs, and says nothing about further "
         "ones. – : not every run shows it, such as after a fault that takes the recorder with it.</p>"
     )
@@ -81,7 +81,7 @@ def _table(found: Sequence[Row]) -> Iterator[str]:
 def _limit(found: Limit | None) -> str:
     if found is None:
         return "<td>–</td>"
-    text = f"{found.value:.2f}"
+    text = rounded_up(found.value)
     return f"<td><b>{text}</b></td>" if found.proven else f"<td>{text}</td>"
 
 

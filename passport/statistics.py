@@ -13,6 +13,9 @@ SHARE = 0.95
 CONFIDENCE = 0.95
 """Of all limits of one sentence together."""
 
+NOISE = 1e-6
+"""Of a sum in floating point, in units of the last digit that is printed."""
+
 
 class Limit(NamedTuple):
     """The upper limit of a quantity in one cell, with the uncertainty of the instrument added."""
@@ -56,6 +59,11 @@ def limit(values: Sequence[float], uncertainty: float, sentences: int) -> Limit:
     found = rank(len(values), 1.0 - (1.0 - CONFIDENCE) / sentences)
     value = sorted(values)[-max(1, found)]
     return Limit(value + uncertainty, len(values), proven=found > 0)
+
+
+def rounded_up(value: float, digits: int = 2) -> str:
+    """Return an upper limit as text that is not below it, but for the noise of floating point."""
+    return f"{math.ceil(value * 10**digits - NOISE) / 10**digits:.{digits}f}"
 
 
 def upper_rate(runs: int) -> float:

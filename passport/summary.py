@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 from passport.record import Cell, Passport, Run
-from passport.statistics import Limit, limit, upper_rate
+from passport.statistics import Limit, limit, rounded_up, upper_rate
 
 
 class Row(NamedTuple):
@@ -77,9 +77,9 @@ def sentence(passport: Passport) -> str:
         return f"{where}, this robot DID NOT STOP by itself after: {each}."
     distances = [row.distance_m for row in found if row.distance_m is not None]
     times = [row.stopping_s for row in found if row.stopping_s is not None]
-    what = f"{where}, this robot stood within {max(one.value for one in distances):.2f} m"
+    what = f"{where}, this robot stood within {rounded_up(max(one.value for one in distances))} m"
     if times:
-        longest = f"within {max(one.value for one in times):.2f} s"
+        longest = f"within {rounded_up(max(one.value for one in times))} s"
         which = (
             ""
             if len(times) == len(distances)
@@ -124,5 +124,5 @@ def not_shown(passport: Passport) -> Iterator[str]:
     runs = min((len(cell.runs) for cell in spoken), default=0)
     if runs and all(run.stopped for cell in spoken for run in cell.runs):
         yield (
-            f"how often a fault has no stop: none in {runs} runs means at most {100 * upper_rate(runs):.1f} % (95 %)"
+            f"how often a fault has no stop: none in {runs} runs means at most {rounded_up(100 * upper_rate(runs), 1)} % (95 %)"
         )

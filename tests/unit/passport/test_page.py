@@ -47,6 +47,11 @@ def test_foreign_text_cannot_end_the_record_or_run_a_script() -> None:
     assert from_json(inside) == hostile
 
 
+def test_a_limit_of_the_table_is_not_rounded_down() -> None:
+    text = shown(record(cell("e-stop", run(0.3301, stop_s=0.4904))))
+    assert "<td>0.52</td><td>0.35</td>" in text
+
+
 def test_each_cell_is_a_row_and_each_run_has_a_picture() -> None:
     text = shown(FULL)
     rows = re.findall(r'<tr><td class="l">([^<]*)</td>', text)

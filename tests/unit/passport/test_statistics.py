@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from passport.statistics import confidence, limit, rank, upper_rate
+from passport.statistics import confidence, limit, rank, rounded_up, upper_rate
 
 
 @pytest.mark.parametrize(("number", "largest"), [(1, 59), (2, 93), (3, 124), (4, 153)])
@@ -47,6 +47,12 @@ def test_the_doubt_is_divided_by_the_cells_of_a_sentence() -> None:
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_a_rank_of_all_runs_is_the_smallest(number: int) -> None:
     assert rank(number, 0.0) == number
+
+
+def test_a_limit_is_printed_rounded_up() -> None:
+    assert [rounded_up(value) for value in (0.3401, 0.344, 0.349, 0.35)] == ["0.35", "0.35", "0.35", "0.35"]
+    assert rounded_up(0.1 + 0.2) == "0.30"
+    assert rounded_up(13.91, 1) == "14.0"
 
 
 def test_no_failure_in_59_runs_leaves_a_rate_of_5_percent() -> None:

@@ -116,6 +116,11 @@ def test_what_was_refused_or_never_tested_is_listed() -> None:
     assert not any("how often" in one for one in not_shown(record()))
 
 
+def test_no_limit_of_the_sentence_is_rounded_down() -> None:
+    found = sentence(record(cell(KILLED, run(0.3301, stop_s=0.4904))))
+    assert "within 0.35 m and within 0.52 s" in found
+
+
 def test_a_robot_that_did_not_stop_has_no_rate_of_no_failures() -> None:
     failed = record(cell(KILLED, run(), run(stopped=False)), cell("e-stop", run()))
     assert not any("how often" in one for one in not_shown(failed))
