@@ -9,7 +9,7 @@ import binascii
 from typing import NamedTuple
 
 from cryptography import x509
-from cryptography.exceptions import InvalidSignature
+from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
 from cryptography.hazmat.primitives import hashes
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
@@ -65,7 +65,7 @@ def signed(payload: bytes, certificate: bytes, key: bytes) -> Envelope:
     """
     try:
         private = load_pem_private_key(key, None)
-    except (ValueError, TypeError) as error:  # damaged, or encrypted
+    except (ValueError, TypeError, UnsupportedAlgorithm) as error:  # damaged, or encrypted
         raise SignatureError("has a private key that is damaged") from error
     if not isinstance(private, ec.EllipticCurvePrivateKey):
         raise SignatureError("has a private key of another kind than ECDSA")
@@ -112,13 +112,13 @@ def verify(envelope: Envelope, authority: bytes) -> Signer:
         certificate = x509.load_pem_x509_certificate(one.cert.encode())
         public = certificate.public_key()
         sig = base64.b64decode(one.sig, validate=True)
-    except ValueError as error:  # also of base64
+    except (ValueError, UnsupportedAlgorithm) as error:  # also of base64, and a curve that does not exist
         raise SignatureError("has a damaged certificate or signature") from error
     if not isinstance(public, ec.EllipticCurvePublicKey):
         raise SignatureError("is signed with another kind of key than ECDSA")
     try:
         certificate.verify_directly_issued_by(issuer)
-    except (InvalidSignature, ValueError, TypeError) as error:
+    except (InvalidSignature, ValueError, TypeError, UnsupportedAlgorithm) as error:
         raise SignatureError("is signed with a key of another authority") from error
     try:
         public.verify(sig, _encoded(payload), ec.ECDSA(hashes.SHA256()))

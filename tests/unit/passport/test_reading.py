@@ -28,6 +28,8 @@ from wire.roles import Role
 
 PASSPORT = record(cell("e-stop", run(0.3), run(0.2)))
 ROBOT = "robot7 (supervisor@robot)"
+P_256 = bytes.fromhex("06082a8648ce3d030107")
+"""The name of the curve in a certificate."""
 
 
 def bundle(directory: Path, role: Role = Role.SUPERVISOR, name: str = "robot7") -> Path:
@@ -163,6 +165,17 @@ def test_only_the_computer_of_a_robot_signs_a_passport(measured: Path, tmp_path:
 def test_a_damaged_signature_is_rejected(measured: Path, keys: Path, field: str) -> None:
     envelope = envelope_in(page_of(measured, keys))
     damaged = envelope.signatures[0].model_copy(update={field: "é"})
+    assert "damaged" in rejected(measured, keys, envelope.model_copy(update={"signatures": (damaged,)}))
+
+
+def test_a_certificate_with_a_curve_that_does_not_exist_is_rejected(measured: Path, keys: Path) -> None:
+    envelope = envelope_in(page_of(measured, keys))
+    lines = envelope.signatures[0].cert.strip().splitlines()
+    content = base64.b64decode("".join(lines[1:-1]))
+    assert P_256 in content
+    content = content.replace(P_256, P_256[:-1] + b"\x63")
+    cert = "\n".join((lines[0], base64.encodebytes(content).decode().strip(), lines[-1]))
+    damaged = envelope.signatures[0].model_copy(update={"cert": cert})
     assert "damaged" in rejected(measured, keys, envelope.model_copy(update={"signatures": (damaged,)}))
 
 
