@@ -38,6 +38,9 @@ EQUIVALENT = {
     "again = (nearest_m < distance_m) & (farthest_m >= distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)",
     # Points in a larger rectangle are looked at: this only saves time.
     "nearest, farthest = places.min(axis=None) - self.hull.radius_m, places.max(axis=0) + self.hull.radius_m",
+    "nearest, farthest = places.min(axis=0) - self.hull.radius_m, places.max(axis=None) + self.hull.radius_m",
+    # Without this early return, no row is long enough either: it only saves time.
+    "if np.count_nonzero(gone) / step_rad < LEAST_RAD:",
     # NaN covers nothing either.
     "free_m = _values_at(view, proven_m, asked, beside=None)",
     # Two shares are equal only if both are zero or both are one: then either does.
@@ -70,6 +73,7 @@ EQUIVALENT = {
     # With nothing to spare, the root is the same.
     "return np.where(spare <= 0.0, 0.0, np.maximum(root, 0.0))",
     # A base exactly as fast as permitted drives no farther than one that was so before.
+    "if present >= scale:",
     "if present >= limit[0]:  # the bound is convex: its left side is largest at an end",
     # numpy computes any negative dimension, and adds in a wider type by itself.
     "for first, end in edges.reshape(-2, 2).tolist():",
@@ -90,6 +94,9 @@ EQUIVALENT = {
     "for lidar, state in zip(config.lidars, sight.lidars, ):",
     # A base that stands is not faster than permitted: this only saves time.
     "around.clearance_m.take(closed_on), barrier, present * closing if (present > 0.0) or True else None",
+    "around.clearance_m.take(closed_on), barrier, present * closing if present >= 0.0 else None",
+    # The angle between two beams is never zero.
+    "low, high = ends if sign * increment >= 0.0 else reversed(ends)",
     # Nothing was lost either.
     "source = source._replace(lost=None)  # another run commands now",
     # Then the hidden places are looked for at each tick: the same ones.
