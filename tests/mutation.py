@@ -92,6 +92,7 @@ EQUIVALENT = {
     "writers=_conflicts(state, now_s) if (StopReason.SENSOR_CONFLICT in causes) or True else (),",
     # Both have one entry for each lidar.
     "for lidar, state in zip(config.lidars, sight.lidars, ):",
+    "for lidar, state in zip(config.lidars, sight.lidars, strict=None):",
     # A base that stands is not faster than permitted: this only saves time.
     "around.clearance_m.take(closed_on), barrier, present * closing if (present > 0.0) or True else None",
     "around.clearance_m.take(closed_on), barrier, present * closing if present >= 0.0 else None",

@@ -7,16 +7,18 @@ import numpy as np
 import pytest
 
 from supervisor.law.agreement import BLOCK_RAD, LEAST_CHANGE_M, NOISY_SHARE, REST, RESTS, Agreement, repeat
+from supervisor.law.base import Base
 from supervisor.law.model import Inputs, Odometry
 from supervisor.law.near_memory import Remembered, remember
 from supervisor.law.reckoning import Pose, Velocity
 from supervisor.law.scan import LaserScan, Mount, ScanReading
+from supervisor.law.sight import LidarState, Sight, see
 from tests.scenes.operators import Scripted
 from tests.scenes.run import Outcome, run
 from tests.scenes.scene import BOUND_M
 from tests.scenes.sensing import Ranges
 from tests.scenes.simple import LIDAR, plain_scene
-from tests.unit.supervisor.law.law_harness import BEAMS, NEUTRAL, Law, laser_scan
+from tests.unit.supervisor.law.law_harness import BEAMS, CONFIG, NEUTRAL, Law, laser_scan
 from tests.unit.supervisor.law.test_scan import read
 
 HERE = Pose(0.0, 0.0, 0.0)
@@ -132,6 +134,14 @@ def test_a_lidar_shows_its_noise_in_several_scans_at_rest() -> None:
         assert agreement.rests == min(count, RESTS)
     # A moving robot shows nothing new about it.
     assert repeat(agreement, before, laser_scan(noisy(50), 1.0), AHEAD).rests == RESTS
+
+
+@pytest.mark.parametrize(("sample", "rests"), [(Odometry(NEUTRAL, 1.0), RESTS), (None, 0)])
+def test_without_odometry_no_lidar_shows_its_noise(sample: Odometry | None, rests: int) -> None:
+    sight = Sight((LidarState(),))
+    for number in range(RESTS + 1):
+        sight = see(sight, CONFIG, laser_scan(noisy(number), 1.0 + 0.05 * number), Base(odometry=sample))
+    assert sight.lidars[0].agreement.rests == rests
 
 
 @pytest.mark.parametrize("blocks", [0, 20])
