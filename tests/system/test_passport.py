@@ -16,6 +16,7 @@ from passport.record import Passport, from_json
 from tests.system.ports import free_endpoint
 from tests.system.test_record import lifeline, say
 from wire import topics
+from wire.standstill import STILL_M_S
 from wire.zenoh.bus import BusConfig, open_bus
 
 PATIENCE_S = 60.0
@@ -24,6 +25,8 @@ MOST_REPEATS = 20
 BRAKING_M_S2, SPEED_M_S = 1.5, 0.5
 LATE_M = 0.25
 """On a busy machine, a fault is detected late; a robot that brakes later than this has not been stopped by it."""
+REST_S = 3.0
+"""Braking takes a third of a second."""
 HALL = "[hall]\nsize_m = [12.0, 10.0]\n\n[start]\nx_m = 2.0\n"
 ROBOT = f"""\
 [supervisor]
@@ -108,19 +111,21 @@ def answer(terminal: "pexpect.spawn[str]", until: str | None = None) -> None:
         terminal.send(f"{word}\r")
 
 
-async def speed_m_s(site: Site) -> float:
-    async with asyncio.timeout(PATIENCE_S):
-        bus = await open_bus(BusConfig(site.endpoint), "client")
-        try:
-            wake = asyncio.Event()
-            odometry = bus.subscribe(topics.ODOM, wake=wake)
-            await wake.wait()
-            latest = odometry.latest()
-            assert latest is not None
-            assert latest.message is not None
-            return latest.message.twist.twist.linear.x
-        finally:
-            await bus.close()
+async def comes_to_rest(site: Site) -> None:
+    """Wait until the robot stands; one that is not braked drives for longer before the next wall."""
+    bus = await open_bus(BusConfig(site.endpoint), "client")
+    try:
+        wake = asyncio.Event()
+        odometry = bus.subscribe(topics.ODOM, wake=wake)
+        async with asyncio.timeout(REST_S):
+            while True:
+                await wake.wait()
+                wake.clear()
+                latest = odometry.latest()
+                if latest and latest.message and abs(latest.message.twist.twist.linear.x) < STILL_M_S:
+                    return
+    finally:
+        await bus.close()
 
 
 @pytest.mark.timed
@@ -163,7 +168,7 @@ def test_the_stops_after_three_faults_are_those_of_the_robot_and_a_key_ends_the_
         terminal.close(force=True)
     assert terminal.exitstatus == 1
     assert re.search("aborted: a key was pressed. The runs until now are in", terminal.before or "")
-    assert abs(asyncio.run(speed_m_s(site))) < 0.01
+    asyncio.run(comes_to_rest(site))
     assert [len(one.runs) for one in site.record().cells] == [1, 1, 1]
 
 
