@@ -5,7 +5,7 @@ import datetime as dt
 import itertools
 import math
 import os
-from collections.abc import Collection
+from collections.abc import Awaitable, Callable, Collection
 from importlib.metadata import version
 from pathlib import Path
 from typing import NoReturn
@@ -62,13 +62,26 @@ def commission(
     _check_place(file, lidar)
     check_robot(file, launch, running)
 
+    with_person(launch, lambda bus, person: Conductor(bus, person, file, config, lidar, source).run)
+
+
+def with_person(
+    launch: Launch, work: Callable[[Bus, Person], Callable[[asyncio.Event], Awaitable[int]]]
+) -> NoReturn:
+    """Run a guided measurement of a robot, and exit with its code.
+
+    Args:
+        launch: how to reach the robot.
+        work: returns the measurement on this bus with this person; its argument is set when it must end.
+    """
+
     async def run(stop: asyncio.Event) -> int:
         bus = await reach(launch.bus, stop, HubProof(launch.bus, note))
         if bus is None:
             return EXIT_INTERRUPTED
         try:
             with TerminalPerson() as person:
-                return await Conductor(bus, person, file, config, lidar, source).run(stop)
+                return await work(bus, person)(stop)
         finally:
             await bus.close()
 

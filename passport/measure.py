@@ -18,16 +18,15 @@ from commission.commission import (
     REST_S,
     check_robot,
     checked,
+    with_person,
 )
 from commission.driver import AbortedError, Driver, SurpriseError
-from commission.person import Person, TerminalPerson
+from commission.person import Person
 from commission.plan import FACING_RAD
 from commission.wall import Wall
-from deploy.stack.console import note
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.provenance import commit, machine
-from deploy.stack.reach import reach, run_command
 from deploy.stack.statedir import StateDir
 from passport import cells
 from passport.cells import Fault, Plan
@@ -43,7 +42,6 @@ from teleop.holder import HeldError
 from teleop.pilots.config import TeleopSection
 from wire.bus import Bus
 from wire.host.config import Sections
-from wire.zenoh.hub_proof import HubProof
 
 T = TypeVar("T")
 
@@ -117,18 +115,8 @@ def measure(file: Path, launch: Launch, state: StateDir, running: Launch | None,
         raise DeployError(f"--source {orders.source} is the source of the operator's program: give another")
     check_robot(file, launch, running)
 
-    async def run(stop: asyncio.Event) -> int:
-        bus = await reach(launch.bus, stop, HubProof(launch.bus, note))
-        if bus is None:
-            return EXIT_INTERRUPTED
-        try:
-            with TerminalPerson() as person:
-                operator = Operator(launch, robot.operator)
-                return await Measurement(bus, person, operator, robot, state, orders).run(stop)
-        finally:
-            await bus.close()
-
-    run_command(run)
+    operator = Operator(launch, robot.operator)
+    with_person(launch, lambda bus, person: Measurement(bus, person, operator, robot, state, orders).run)
 
 
 class Measurement:
