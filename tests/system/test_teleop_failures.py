@@ -339,6 +339,8 @@ async def test_a_terminal_that_nobody_reads_when_teleop_is_killed_is_restored_on
 
 async def test_after_a_kill_the_guard_leaves_alone_modes_that_somebody_else_has_set() -> None:
     async with driving() as (_, op):
+        os.kill(op.process.pid, signal.SIGSTOP)  # a running teleop sets its own modes again
+        await until(lambda: state_of(op.process.pid) == "T")
         modes = termios.tcgetattr(op.slave)
         modes[3] |= termios.ECHO
         termios.tcsetattr(op.slave, termios.TCSANOW, modes)
