@@ -125,16 +125,23 @@ async def test_metrics_count_a_stop_and_never_go_backwards_when_the_supervisor_r
             address = found[0]
             stopped = ("lifeline_mode_seconds_total", "STOPPED")
             estops = ("lifeline_stops_total", "ESTOP")
-            before = await until_scraped(subject, address, lambda now: now.get(stopped, 0.0) > 0.0)
-            assert before["lifeline_up", ""] == 1.0
+            before = await until_scraped(
+                subject, address, lambda now: now.get(stopped, 0.0) > 0.0 and now["lifeline_up", ""] == 1.0
+            )
             assert before[estops] == 0.0
             assert subject.bus is not None
             subject.bus.publisher(topics.ESTOP).put(Bool(data=True))
             after = await until_scraped(
-                subject, address, lambda now: now[estops] == 1.0 and now[stopped] > before[stopped] + 0.5
+                subject,
+                address,
+                lambda now: (
+                    now[estops] == 1.0
+                    and now[stopped] > before[stopped] + 0.5
+                    and now["lifeline_message_gap_seconds_count", "odom"] > 10
+                    and now["lifeline_message_age_seconds_count", "cmd_vel"] > 10
+                    and now["lifeline_up", ""] == 1.0
+                ),
             )
-            assert after["lifeline_message_gap_seconds_count", "odom"] > 10
-            assert after["lifeline_message_age_seconds_count", "cmd_vel"] > 10
             assert after["lifeline_alarm", ""] == 0.0
             subject.kill(topics.SUPERVISOR)
             await until_scraped(subject, address, lambda now: now["lifeline_up", ""] == 0.0)
