@@ -188,8 +188,8 @@ def test_the_keeper_ends_a_while_after_its_process_however_that_ended() -> None:
 def test_a_process_that_ends_in_order_ends_its_keeper_first() -> None:
     with running() as one, handle(one.keeper) as pidfd:
         one.order(b"K")
-        assert ends_within(pidfd, KEEP_S / 2)
         assert one.process.wait(LIMIT_S) == 0
+        assert ends_within(pidfd, KEEP_S / 2)
 
 
 def test_a_keeper_outlives_what_a_terminal_or_a_service_manager_sends_to_a_whole_group() -> None:
