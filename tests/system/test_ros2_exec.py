@@ -152,7 +152,7 @@ async def test_a_signal_to_the_wrapper_is_passed_on_and_the_token_lives_until_th
         assert wrapper.stdout.readline() == "ready\n"
         wrapper.send_signal(signal.SIGINT)
         assert wrapper.stdout.readline() == "interrupted\n"
-        assert tokens.look()
+        await subject.until(tokens.look, "the token")  # a busy machine may have ended it for a moment
         wrapper.send_signal(signal.SIGTERM)
         assert wrapper.stdout.read() == "terminated\n"
         assert wrapper.wait(PATIENCE_S) == 3
@@ -199,7 +199,7 @@ async def test_a_second_holder_of_the_same_source_is_refused(tmp_path: Path) -> 
             f"another `lifeline ros2 exec --source joy` runs already, as process {wrapper.pid}: end it first"
             in second.stderr
         )
-        assert tokens.look()
+        await subject.until(tokens.look, "the token")
         os.kill(program, signal.SIGKILL)
         wrapper.wait(PATIENCE_S)
 
