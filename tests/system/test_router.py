@@ -22,7 +22,7 @@ from wire import topics
 from wire.access import Contract
 from wire.bundle import read_bundle
 from wire.bus import NoReplyError
-from wire.messages import Bool, EstopLease, TriggerResponse, planar_twist
+from wire.messages import Bool, EstopLease, TriggerResponse, encode, planar_twist
 from wire.roles import ANY, Role
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 from wire.zenoh.router import RouterConfig, region_name, settings
@@ -216,7 +216,9 @@ async def test_an_operator_of_one_robot_cannot_touch_another_through_the_router(
                     return bool(at_victim) and bool(at_witness)
 
                 await until(passes, "what is allowed arrives at both")
-                await asyncio.sleep(SETTLED_S)  # the last e-stop may still be under way
+                estop.put(Bool(data=True))  # in order behind the others
+                last = ("robot2/estop", encode(Bool(data=True)))
+                await until(lambda: last in at_victim and last in at_witness, "the last e-stop at both")
                 at_victim.clear()
                 at_witness.clear()
                 changes.clear()
@@ -237,6 +239,7 @@ async def test_an_operator_of_one_robot_cannot_touch_another_through_the_router(
                     for key in ("robot2/**", "robot2/supervisor/reset", "**", "robot2/teleop/holder")
                 )
                 made.hubs["robot2"].publisher(topics.CMD_VEL).put(planar_twist(0.0, 0.0))
+                await until(lambda: at_victim, "a command of the hub")
                 await asyncio.sleep(SETTLED_S)  # it is the duration in which nothing may arrive
                 assert {key for key, _ in at_victim} == {"robot2/cmd_vel"}
                 assert {key for key, _ in at_witness} <= {"robot2/cmd_vel"}
