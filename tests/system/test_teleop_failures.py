@@ -240,16 +240,16 @@ async def test_suspended_it_leaves_the_shell_a_terminal_and_comes_back_neutral(h
         await until(lambda: job.is_stopped)
         await until(lambda: h.asks(*ZERO) and not h.sees_teleop())
         await until(lambda: not op.modes_on & {"1049", "1004"})
-        op.type(b"echo it is the $((6*7)) shell\n")
+        op.type(DELETE_LINE + b"echo it is the $((6*7)) shell\n")
         await until(lambda: "it is the 42 shell" in op.picture)
-        op.type(b"fg\n")
+        op.type(DELETE_LINE + b"fg\n")
         await until(lambda: "back again: the setpoint is zero" in op.picture)
         await ready(h, op)
         await press_steps(h, op, b"w", 0.1)
         op.type(b"q")
         await until(h.is_left)
         await until(lambda: job.pid == 0)  # before its end it discards typed keys
-        op.type(b"echo over=$?\n")
+        op.type(DELETE_LINE + b"echo over=$?\n")
         await until(lambda: "over=0" in op.picture)
 
 
@@ -258,13 +258,13 @@ async def test_a_kill_while_it_is_suspended_leaves_the_shell_its_terminal() -> N
         op = job.terminal
         op.type(b"\x1a")
         await until(lambda: job.is_stopped)
-        op.type(b"echo it is the $((6*7)) shell\n")
+        op.type(DELETE_LINE + b"echo it is the $((6*7)) shell\n")
         await until(lambda: "it is the 42 shell" in op.picture)
         with guard_of(job.pid) as has_ended:
             left = op.output.count("\x1b[?1049l")
-            op.type(b"kill -9 %1\n")
+            op.type(DELETE_LINE + b"kill -9 %1\n")
             await until(has_ended)
-        op.type(b"echo still the $((6*7)) shell\n")
+        op.type(DELETE_LINE + b"echo still the $((6*7)) shell\n")
         await until(lambda: "still the 42 shell" in op.picture)
         assert op.output.count("\x1b[?1049l") == left
 
@@ -380,7 +380,7 @@ async def test_a_second_operator_is_shown_who_holds_the_name() -> None:
             assert f"pid {op.process.pid}" in errors
             assert "--source" in errors
             await until(lambda: second.is_restored)
-        assert h.sees_teleop()
+        await until(h.sees_teleop)
         assert h.asks(0.1, 0.0)
 
 
