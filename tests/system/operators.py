@@ -30,6 +30,8 @@ LIMIT_S = 20.0
 """Time limit for expected events on a loaded machine."""
 INITIAL_DELAY_S, INTERVAL_S = 0.25, 0.033
 """Of the repeats of a held key."""
+HEARTBEAT_S = 0.05
+"""Of teleop: it sends none while it hangs, and then the supervisor stops the robot."""
 ROOT = Path(__file__).parents[2]
 ZERO = (0.0, 0.0)
 ALL_MODES = tuple[Any, ...]

@@ -13,6 +13,7 @@ import pytest
 from teleop.terminal import WHEEL_TRIES
 from tests.system.multiplexers import behind, needs
 from tests.system.operators import (
+    HEARTBEAT_S,
     INTERVAL_S,
     LIMIT_S,
     PATIENT,
@@ -34,7 +35,7 @@ ALL_FLAGS = 31
 NOTCHES = 40
 """Of the wheel, one every `INTERVAL_S`."""
 UNPROVEN_LIMIT_S = 1.5
-"""A held key counts for 1 s at most before the first release; the rest is the transport on a busy machine."""
+"""A held key counts for 1 s at most before the first release, in heartbeats: a busy machine may delay them."""
 ESTOP_LIMIT_S = 0.2
 
 
@@ -125,7 +126,7 @@ async def test_a_held_key_ends_when_teleop_is_stopped_and_continued() -> None:
         await held(h, op)
         op.send(signal.SIGSTOP)
         op.send(signal.SIGCONT)
-        await until(lambda: h.asks(*ZERO), 1.0)
+        await until(lambda: h.asks(*ZERO))
         await held(h, op)
 
 
@@ -146,7 +147,7 @@ async def test_a_held_key_ends_when_the_terminal_no_longer_reports_releases(
     async with hub(endpoint) as h, operator(endpoint, *HOLD, kitty=ALL_FLAGS) as op:
         await held(h, op)
         change(op)
-        await until(lambda: h.asks(*ZERO), 1.0)
+        await until(lambda: h.asks(*ZERO))
         await until(lambda: "by key repeat" in op.picture)
 
 
@@ -155,8 +156,9 @@ async def test_before_the_first_release_a_held_key_counts_for_a_second() -> None
     async with hub(endpoint) as h, operator(endpoint, *HOLD, kitty=ALL_FLAGS) as op:
         await ready(h, op)
         await until(lambda: "releases reported" in op.picture)
-        await press(lambda: op.key("i", 1), lambda: h.asks(0.5, 0.0))
-        await until(lambda: h.asks(*ZERO), UNPROVEN_LIMIT_S)
+        await press(lambda: op.key("i", 1), lambda: (0.5, 0.0) in h.velocities)
+        await until(lambda: h.asks(*ZERO))
+        assert h.velocities.count((0.5, 0.0)) * HEARTBEAT_S < UNPROVEN_LIMIT_S
         await until(lambda: "no key release" in op.picture)
 
 
@@ -173,6 +175,7 @@ def min_10(op: Operator) -> list[Any]:
     return modes
 
 
+@pytest.mark.timed
 @pytest.mark.parametrize("changed", [sane, min_10])
 async def test_space_is_the_emergency_stop_at_once_after_another_program_has_changed_the_terminal(
     changed: Callable[[Operator], list[Any]],
@@ -209,7 +212,7 @@ async def test_ctrl_space_is_the_emergency_stop_in_each_coding(space: bytes) -> 
 async def test_f3_stops_with_any_modifier(key: bytes) -> None:
     async with driving() as (h, op):
         op.type(key)
-        await until(lambda: h.asks(*ZERO), 2.0)
+        await until(lambda: h.asks(*ZERO))
         await until(lambda: "ignored f3" in op.picture)
 
 
@@ -218,7 +221,7 @@ async def test_a_shifted_digit_of_a_french_keyboard_sets_the_level() -> None:
     async with hub(endpoint) as h, operator(endpoint, *HOLD, kitty=ALL_FLAGS) as op:
         await held(h, op)
         op.type(b"\x1b[34:51:51;2:1u")  # Shift and the key of 3
-        await until(lambda: "3 of 5" in op.picture, 2.0)
+        await until(lambda: "3 of 5" in op.picture)
         assert h.asks(0.5, 0.0)
 
 
@@ -232,6 +235,6 @@ async def test_a_key_that_is_held_through_a_stop_is_reported_once() -> None:
         for _ in range(20):
             op.key("i", 2)
             await asyncio.sleep(INTERVAL_S)
-        await until(lambda: "held at a stop" in op.picture, 2.0)
+        await until(lambda: "held at a stop" in op.picture)
         assert op.output.count("held at a stop") == 1
         assert set(h.velocities[seen:]) == {ZERO}
