@@ -161,5 +161,5 @@ async def test_who_looks_on_commands_nothing_but_the_emergency_stop() -> None:
             viewer.type(b"q")
             assert await viewer.ended() == (0, "")
             await until(lambda: viewer.is_restored)
-        assert h.sees_teleop()
+        await until(h.sees_teleop)
         assert op.process.poll() is None
