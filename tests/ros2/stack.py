@@ -251,6 +251,13 @@ class MakeStack(Protocol):
     def __call__(self, ros2: str = "", *observer: str, source: str = "") -> Stack: ...
 
 
+def reset(caller: Peer) -> Line:
+    """Call the reset, and return its answer."""
+    seen = len(caller.lines)
+    caller.tell(service="/lifeline/reset")
+    return caller.until(lambda line: "success" in line, "a reply", after=seen)
+
+
 def send(peer: Peer, number: signal.Signals) -> int:
     """Send a signal, and return the time just before [ns]."""
     at_ns = time.monotonic_ns()

@@ -3,12 +3,13 @@
 import signal
 from pathlib import Path
 
-from tests.ros2.host import Host, Line, Peer
+from tests.ros2.host import Host, Peer
 from tests.ros2.stack import (
     ESTOP_SUBSCRIPTIONS,
     LATCHED_ESTOP_SUBSCRIPTIONS,
     SPEED_M_S,
     Stack,
+    reset,
     send,
 )
 from wire import cdr
@@ -25,13 +26,6 @@ def calling(stack: Stack, *services: str) -> Peer:
         caller.tell(service=service)
         caller.until(lambda line: "success" in line, f"a reply of {service}", after=seen)
     return caller
-
-
-def reset(caller: Peer) -> Line:
-    """Call the reset, and return its answer."""
-    seen = len(caller.lines)
-    caller.tell(service="/lifeline/reset")
-    return caller.until(lambda line: "success" in line, "a reply", after=seen)
 
 
 def test_a_request_to_arm_whose_caller_has_gone_does_not_move_the_robot(stack: Stack) -> None:
