@@ -25,14 +25,13 @@ from bench.rig.feed import ODOM_HZ
 from bench.rig.nodes import SimulatedRobot, simulated_robot
 from bench.rig.options import CommandLine, failing_in_a_sentence, positive
 from bench.rig.sheet import Times, percentile
-from bench.rig.stored import provenance
 from deploy.stack import processes
 from deploy.stack.errors import Interrupted
 from deploy.stack.keyboard import typing
 from deploy.stack.launch import Launch
 from deploy.stack.reach import Observer
 from deploy.stack.statedir import StateDir
-from faults.trial_file import appending
+from faults.trial_file import appending, provenance
 from wire import topics
 from wire.bus import Arrival, Bus, NoReplyError, Subscription
 from wire.messages import Odometry, SafetyStatus, header

@@ -5,12 +5,11 @@ import sys
 import zlib
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager, suppress
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO
 
 from deploy.stack.errors import DeployError
-from deploy.stack.provenance import commit, machine
+from deploy.stack.provenance import commit, machine, now
 from faults.trial import PROVENANCE_BEGINS, Provenance, Trial, parse
 from wire.foreign import open_file
 
@@ -126,12 +125,12 @@ def _cut_incomplete_line(file: IO[bytes]) -> None:
 # --- the provenance
 
 
+def provenance(command: str) -> Provenance:
+    """Return the provenance of a run of a command that begins now."""
+    return Provenance(command=command, date=now(), machine=machine(), commit=commit())
+
+
 def provenance_of_this_command() -> Provenance:
     """Return the provenance of a run that begins now; only the last part of absolute paths is kept."""
     words = [Path(word).name if word.startswith("/") else word for word in sys.argv[1:]]
-    return Provenance(
-        command=" ".join(("lifeline", *words)),
-        date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        machine=machine(),
-        commit=commit(),
-    )
+    return provenance(" ".join(("lifeline", *words)))

@@ -46,8 +46,6 @@ class Watchdog:
         if not (math.isfinite(command_timeout_s) and command_timeout_s > 0.0):
             raise ValueError(f"command_timeout_s must be positive and finite, not {command_timeout_s}.")
         self.command_timeout_s = command_timeout_s
-        self.refused_count = 0
-        """Number of refused commands that were not finite."""
         self._supervisor_alive = False
         self._track = Track()
         self._decided_at_s: float | None = None
@@ -93,7 +91,6 @@ class Watchdog:
                 commands arrive.
         """
         if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s)):
-            self.refused_count += 1
             self._refused = BaseReason.COMMAND_INVALID
             return False
         if not self._supervisor_alive:

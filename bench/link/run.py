@@ -14,9 +14,9 @@ from bench.link.results import MAX_CONDITIONS, Condition, Measured, Round
 from bench.link.stops import disturbed, length_s, outside
 from bench.rig.load import busy_percent, machine
 from bench.rig.program import program
-from bench.rig.stored import now
 from deploy.keys.commands import init, issue
 from deploy.keys.register import Request
+from deploy.stack.provenance import now
 from wire import tls
 from wire.roles import Role
 

@@ -9,7 +9,6 @@ import os
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
-from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -18,8 +17,9 @@ from pydantic import TypeAdapter, ValidationError
 
 from bench.rig.load import averages
 from bench.rig.program import ROOT
+from deploy.stack.provenance import commit, machine, now
 from faults.trial import PROVENANCE_BEGINS, Provenance, parse
-from faults.trial_file import commit, machine, whole_lines
+from faults.trial_file import whole_lines
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -49,11 +49,6 @@ class StoredRun(NamedTuple):
             raise RuntimeError(f"a stored run has a damaged {kind}: {error}") from error
 
 
-def now() -> str:
-    """Return the date and time of day in UTC."""
-    return datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-
-
 def this_run(command: str) -> dict[str, str]:
     """Return command, date, machine and commit of a run that has just ended; the machine with its load, and whether it was idle."""
     before, during = averages()
@@ -76,11 +71,6 @@ def loads(machine: str) -> list[float]:
 def _idle(machine: str) -> str:
     cores = re.match(r"\d+(?= cores)", machine)
     return "yes" if cores and max(loads(machine), default=math.inf) <= int(cores[0]) else "no"
-
-
-def provenance(command: str) -> Provenance:
-    """Return the description of a run that begins now, for a file to which measurements are appended."""
-    return Provenance(command=command, date=now(), machine=machine(), commit=commit())
 
 
 def read_appended(path: Path, made: type[T]) -> tuple[list[T], list[Provenance]]:

@@ -109,13 +109,13 @@ async def check_supervisor_answers(launch: Launch) -> None:
         ) from error
 
 
-async def wait_until_alive(state: StateDir, launch: Launch, say: Say, limit_s: float = ALIVE_LIMIT_S) -> None:
+async def wait_until_alive(state: StateDir, launch: Launch, say: Say) -> None:
     """Wait for the token of every node, and report which are missing.
 
     Raises:
         DeployError: a node does not start; the message includes the end of its log.
     """
-    deadline_s = time.monotonic() + limit_s
+    deadline_s = time.monotonic() + ALIVE_LIMIT_S
     health = Health(state)
     said: set[str] = set()
     wanted = set(launch.nodes)
@@ -139,17 +139,17 @@ async def wait_until_alive(state: StateDir, launch: Launch, say: Say, limit_s: f
             health.check()
         if time.monotonic() >= deadline_s:
             raise DeployError(
-                f"{' and '.join(sorted(said))} did not start within {limit_s:g} s{_with_logs(state, said)}"
+                f"{' and '.join(sorted(said))} did not start within {ALIVE_LIMIT_S:g} s{_with_logs(state, said)}"
             )
 
 
-def new_station_address(state: StateDir, limit_s: float = ALIVE_LIMIT_S) -> str:
+def new_station_address(state: StateDir) -> str:
     """Ask the page of an e-stop station that runs beside the nodes for a new code, and return its address.
 
     Raises:
         DeployError: it does not run or does not answer.
     """
-    deadline_s = time.monotonic() + limit_s
+    deadline_s = time.monotonic() + ALIVE_LIMIT_S
     health = Health(state)
     before: int | None = None
     while time.monotonic() < deadline_s:

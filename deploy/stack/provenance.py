@@ -1,12 +1,18 @@
-"""Where and with which code a measurement is made: the machine, and the commit."""
+"""When, where and with which code a measurement is made: the date, the machine, and the commit."""
 
 import os
 import platform
 import subprocess
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
 GIT_LIMIT_S = 10.0
+
+
+def now() -> str:
+    """Return the date and time of day in UTC."""
+    return datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 
 def machine() -> str:

@@ -14,29 +14,25 @@ from wire.ros import Twist
 ESTOPS = frozenset({StopReason.ESTOP.value, StopReason.ESTOP_STATION_LOST.value})
 
 
-def events_of_step(
-    now_s: float, inputs: Inputs, decision: Decision, origin_s: float = 0.0
-) -> Iterator[Event]:
+def events_of_step(now_s: float, inputs: Inputs, decision: Decision) -> Iterator[Event]:
     """Yield the events of a step of the law, in order.
 
     Args:
         now_s: the time of the step.
         inputs: what was received since the last step.
         decision: the decision of the step.
-        origin_s: the time from which the events count.
     """
-    time_s = now_s - origin_s
     for command in inputs.commands:
         if command.velocity is not None:
             is_neutral = command.velocity == STANDSTILL
-            yield Request(command.arrival_s - origin_s, command.source, is_neutral)
+            yield Request(command.arrival_s, command.source, is_neutral)
     if inputs.estop or any(presence.stop for presence in inputs.presences):
-        yield Pressed(time_s)
+        yield Pressed(now_s)
     moves = decision.output != STANDSTILL
     causes, reasons = frozenset(map(str, decision.causes)), frozenset(map(str, decision.reasons))
-    yield Step(time_s, moves, causes, reasons, decision.owner)
+    yield Step(now_s, moves, causes, reasons, decision.owner)
     if decision.reset_reply is not None and decision.reset_reply.success:
-        yield Released(time_s)
+        yield Released(now_s)
 
 
 def events_of_status(time_s: float, status: SafetyStatus, *, was_estopped: bool) -> Iterator[Event]:

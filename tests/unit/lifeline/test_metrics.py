@@ -2,6 +2,7 @@
 
 import math
 import socket
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -11,6 +12,7 @@ from deploy.stack.errors import DeployError
 from deploy.stack.formatting import HEARD_LIMIT_S
 from lifeline.watch.metrics import Ledger, metrics_at, serve
 from lifeline.watch.metrics_account import MAX_SOURCES, UNKNOWN, Account, Histogram, Timing
+from tests.unit.teleop import views
 from wire.messages import SafetyStatus, SourceStatus, header, planar_twist
 from wire.stamp import Stamp
 
@@ -22,21 +24,7 @@ def status(mode: int = SafetyStatus.STOPPED, **fields: Any) -> SafetyStatus:  # 
 
 
 def source(name: str = "teleop", accepted: int = 0, refused_epoch: int = 0) -> SourceStatus:
-    return SourceStatus(
-        name=name,
-        priority=0,
-        liveliness=SourceStatus.ALIVE,
-        armed=True,
-        neutral=True,
-        stamped=True,
-        age_s=0.0,
-        reasons=[],
-        accepted=accepted,
-        refused_late=0,
-        refused_sequence=0,
-        refused_epoch=refused_epoch,
-        refused_invalid=0,
-    )
+    return replace(views.source(name), accepted=accepted, refused_epoch=refused_epoch)
 
 
 def stamp(gid: bytes = RUN, source_time_s: float = 0.0) -> Stamp:

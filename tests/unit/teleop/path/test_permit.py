@@ -1,33 +1,20 @@
 """The permit by the status, and the operator's rhythm."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from teleop.path.permit import HEARD_S, LEARNT, TOLERANCE, OffBeat, what_is_missing, what_stops
+from tests.unit.teleop import views
 from wire.messages import SafetyStatus, SourceStatus, header
 from wire.stamp import Stamp
 
 
 def source(**changes: object) -> SourceStatus:
-    values: dict[str, object] = {
-        "name": "path",
-        "priority": 10,
-        "liveliness": SourceStatus.ALIVE,
-        "armed": True,
-        "neutral": True,
-        "stamped": True,
-        "age_s": 0.02,
-        "reasons": [],
-        "accepted": 9,
-        "refused_late": 0,
-        "refused_sequence": 0,
-        "refused_epoch": 0,
-        "refused_invalid": 0,
-    }
-    return SourceStatus(**(values | changes))  # type: ignore[arg-type]
+    return replace(views.source("path", 10), **changes)
 
 
 def status(mode: int, *sources: SourceStatus, owner: str = "path", **changes: object) -> SafetyStatus:
