@@ -256,13 +256,17 @@ async def test_scans_of_a_bridge_whose_stamps_do_not_run_like_real_time_are_name
                 bridge.put("robot/scan", encode(free_scan(chance, stamp_ns(time.time_ns()))))
 
             with repeated(write, 0.05):
-                await subject.until(lambda: problem in subject.status.detail, problem)
-                assert "SCAN_STALE" in subject.status.reasons
+                await subject.until(
+                    lambda: problem in subject.status.detail and "SCAN_STALE" in subject.status.reasons,
+                    problem,
+                )
+                found = f"SCAN_STALE: there is no fresh scan: the stamps of the lidar's scans {problem}"
                 texts = [" ".join((await lifeline(subject, "doctor"))[1].split())]
-                # Whole seconds are fresh at the beginning of each second: doctor may see just that moment.
-                while len(texts) < MOMENTS and "SCAN_STALE" not in texts[-1]:
+                # Whole seconds are fresh at the beginning of each second: doctor may see just that moment. On a busy
+                # machine, late scans change a measured rate.
+                while len(texts) < MOMENTS and found not in texts[-1]:
                     texts.append(" ".join((await lifeline(subject, "doctor"))[1].split()))
-    assert f"SCAN_STALE: there is no fresh scan: the stamps of the lidar's scans {problem}" in texts[-1]
+    assert found in texts[-1]
     assert "wait for the lidar" not in texts[-1]
 
 
