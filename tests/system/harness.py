@@ -19,6 +19,7 @@ from tests.system.ports import free_endpoint
 from tests.system.process_state import state_of
 from wire import topics
 from wire.bus import Subscription
+from wire.cdr import ns_of
 from wire.messages import Odometry, SafetyStatus, TriggerResponse, Twist, header, planar_twist
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
@@ -101,6 +102,12 @@ class Robot:
             self._close_terminal()
         return killed_s
 
+    def restart_supervisor(self, *options: str) -> None:
+        """Kill and restart it; a status of the killed one that arrives later is older than the present, empty one."""
+        self.kill(topics.SUPERVISOR)
+        self.status = SafetyStatus(header(""))
+        self.start(topics.SUPERVISOR, *options)
+
     def _close_terminal(self) -> None:
         if self.terminal is not None:
             self.terminal.close()
@@ -133,7 +140,7 @@ class Robot:
                 self.x_m = odom.message.pose.pose.position.x
                 self.travel.append((odom.arrival_s, self.x_m, self.speed_m_s))
         for status in self.statuses.take():
-            if status.message is not None:
+            if status.message is not None and stamp_ns(status.message) >= stamp_ns(self.status):
                 self.status = status.message
 
     async def until(self, condition: Callable[[], bool], what: str, within_s: float = PATIENCE_S) -> float:
@@ -231,8 +238,12 @@ class Robot:
 
     async def standstill_after(self, time_s: float) -> tuple[float, float]:
         """Return the time and distance from then until the robot stopped [s, m]."""
-        await self.until(lambda: abs(self.speed_m_s) < 0.005, "standstill")
-        rest_s, rest_x_m, _ = next(t for t in self.travel if t[0] >= time_s and abs(t[2]) < 0.005)
+
+        def rests() -> list[tuple[float, float, float]]:
+            return [t for t in self.travel if t[0] >= time_s and abs(t[2]) < 0.005]
+
+        await self.until(lambda: bool(rests()), "standstill")
+        rest_s, rest_x_m, _ = rests()[0]
         at_x_m = next(x_m for at_s, x_m, _ in reversed(self.travel) if at_s <= time_s)
         return rest_s - time_s, rest_x_m - at_x_m
 
@@ -260,6 +271,10 @@ async def patiently(attempt: Callable[[], Awaitable[T]]) -> T:
         except AssertionError as error:
             print(f"again: {error}")
     return await attempt()
+
+
+def stamp_ns(status: SafetyStatus) -> int:
+    return ns_of(status.header.stamp.sec, status.header.stamp.nanosec)
 
 
 def is_zero(twist: Twist) -> bool:

@@ -121,9 +121,10 @@ def test_the_next_run_removes_what_a_killed_run_has_left() -> None:
             for pid in subprocess.check_output(["ip", "netns", "pids", name], text=True).split()
         ]
         assert len(inside) == 2, "sender and receiver"
+        assert len(namespaces_of(process.pid)) == 2
         process.kill()
         process.communicate(timeout=PATIENCE_S)
-    assert len(namespaces_of(process.pid)) == 2
+    # From now on, the run of another test may remove them first.
     wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in inside), "the programs ended")
     remove_leftovers()
     assert namespaces_of(process.pid) == []

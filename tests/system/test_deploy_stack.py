@@ -14,6 +14,7 @@ import tempfile
 import time
 import urllib.request
 from collections.abc import Callable, Generator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,8 +22,9 @@ from typing import Any
 import pytest
 
 from deploy.stack import processes, supervisord, takedown
-from deploy.stack.launch import DEFAULT_CONFIG, free_port
+from deploy.stack.launch import DEFAULT_CONFIG
 from deploy.stack.statedir import StateDir
+from supervisor.service import STALLED
 from tests.system import fake_ros2
 from tests.system.ports import free_endpoint
 from tests.system.rogue import freezing
@@ -84,6 +86,18 @@ class Robot:
         _wait_for(shows, otherwise)
         return shown
 
+    def prints(self, text: str, *command: str) -> str:
+        """Repeat a command until its output has this text, in any lines; return the output."""
+        shown = ""
+
+        def shows() -> bool:
+            nonlocal shown
+            shown = self.run(*command).stdout
+            return text in " ".join(shown.split())
+
+        _wait_for(shows, f"not printed: {text}")
+        return shown
+
     def pids(self) -> dict[str, int]:
         return {process.name: process.pid for process in processes.of(self.state.path)}
 
@@ -134,7 +148,7 @@ def test_beside_the_pid_file_of_a_dead_supervisord_a_robot_comes_up_is_seen_and_
     assert (seen["causes"], seen["latched"]) == (["NO_COMMAND"], [])
     assert seen["linear_m_s"] == pytest.approx(0, abs=0.01)
     assert seen["nearest_m"] > 0.3
-    _wait_for(lambda: "NO_COMMAND" in robot.run("status").stdout, "not for people")
+    robot.prints("NO_COMMAND", "status")
 
     before = robot.pids()
     _refused(
@@ -157,8 +171,8 @@ def test_beside_the_pid_file_of_a_dead_supervisord_a_robot_comes_up_is_seen_and_
 def test_the_page_of_a_station_runs_beside_the_nodes_and_ends_with_them(robot: Robot, tmp_path: Path) -> None:
     config = tmp_path / "robot.toml"
     config.write_text(f'{DEFAULT_CONFIG.read_text()}\n[[supervisor.estop_stations]]\nname = "phone"\n')
-    port = free_port()
-    options = ("--no-sim", "--config", str(config), "--station", "--port", str(port))
+    port = free_endpoint().rpartition(":")[2]
+    options = ("--no-sim", "--config", str(config), "--station", "--port", port)
     up = robot.run("up", "--detach", *options)
     assert up.returncode == 0, up.stderr
     assert robot.pids().keys() == {"supervisord", "supervisor", "station"}
@@ -401,9 +415,7 @@ def test_the_estop_outlives_the_whole_stack_and_up_and_status_say_how_to_reset_i
     assert re.search(rf"the e-stop is still latched from an earlier run {by}", up.stdout)
     assert "press r in teleop" in up.stdout
     assert "ESTOP" in robot.seen(lambda seen: seen["running"], "not running")["reasons"]
-    _wait_for(
-        lambda: "press r in teleop" in " ".join(robot.run("status").stdout.split()), "no way out is told"
-    )
+    robot.prints("press r in teleop", "status")
 
     asyncio.run(_reset_at(robot.endpoint))
     assert robot.run("down").returncode == 0
@@ -433,13 +445,12 @@ async def _reset_at(endpoint: str) -> None:
     deadline_s = time.monotonic() + 20.0
     try:
         while True:
-            try:
+            with suppress(NoReplyError):
                 reply = await bus.call(topics.SUPERVISOR_RESET)
-            except NoReplyError:
-                assert time.monotonic() < deadline_s
-                continue
-            assert reply.message == "the emergency stop is reset"
-            return
+                if reply.message != STALLED:
+                    assert reply.message == "the emergency stop is reset"
+                    return
+            assert time.monotonic() < deadline_s
     finally:
         await bus.close()
 
@@ -483,11 +494,9 @@ def test_a_ros_2_robot_comes_up_without_a_sim_is_seen_and_goes_down(
     reported = robot.seen(lambda seen: "ros2" in seen, "no reports")["ros2"]
     assert [(one["name"], one["level"]) for one in reported] == [("source joy", "warn"), ("scan", "error")]
     assert reported[0]["values"]["guards"] == "process 12 on this host, command timeout"
-    shown = robot.run("status").stdout
-    assert "no program publishes on /joy/cmd_vel" in " ".join(shown.split())
+    shown = robot.prints("no program publishes on /joy/cmd_vel", "status")
     assert "\x1b[2J" not in shown
-    doctor = robot.run("doctor")
-    assert "source joy: no program publishes on /joy/cmd_vel" in " ".join(doctor.stdout.split())
+    robot.prints("source joy: no program publishes on /joy/cmd_vel", "doctor")
 
     killed = robot.pids()["ros2"]
     os.kill(killed, signal.SIGKILL)
@@ -521,8 +530,7 @@ def test_a_base_alone_starts_only_where_a_supervisor_answers(robot: Robot) -> No
         assert started.returncode == 0, started.stderr
         assert f"starting sim for the supervisor at {robot.endpoint}" in started.stdout
         assert beside.pids().keys() == {"supervisord", "sim"}
-        seen = beside.seen(lambda seen: seen["nodes"]["sim"]["alive"], "no sim")
-        assert seen["running"]
+        beside.seen(lambda seen: seen["nodes"]["sim"]["alive"] and seen["running"], "no sim")
     finally:
         beside.run("down")
 

@@ -12,7 +12,7 @@ from faults.real.real_faults import fill
 from supervisor.estop_record import record_path
 from tests.system.harness import Robot, is_zero, robot
 from wire import topics
-from wire.messages import Bool, SafetyStatus, header
+from wire.messages import Bool, SafetyStatus
 
 pytestmark = pytest.mark.timeout(180)
 
@@ -33,10 +33,7 @@ async def press(subject: Robot) -> None:
 
 async def restart_supervisor(subject: Robot) -> None:
     """Kill and restart it, and wait for a status of the new process that has received the operator's commands."""
-    subject.kill(topics.SUPERVISOR)
-    subject.look()
-    subject.status = SafetyStatus(header(""))
-    subject.start(topics.SUPERVISOR)
+    subject.restart_supervisor()
     await subject.until(lambda: any(s.accepted for s in subject.status.sources), "a new supervisor")
 
 

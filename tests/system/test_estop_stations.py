@@ -13,14 +13,13 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from tests.system.harness import Robot, is_zero, patiently, robot
+from tests.system.harness import DRIVE_TRIES, PATIENCE_S, Robot, is_zero, patiently, robot
 from tests.system.operators import Operator, until
 from tests.system.ports import free_endpoint, participants
 from tests.system.process_state import state_of
 from tests.system.rogue import open_rogue
 from wire import topics
 from wire.lease import LEASE_S
-from wire.messages import SafetyStatus, header
 
 pytestmark = pytest.mark.timeout(180)
 
@@ -30,6 +29,8 @@ LOST, ESTOP = "ESTOP_STATION_LOST", "ESTOP"
 CTRL_R = b"\x12"
 LATE_S = 0.3
 """How late a process may be beside other tests."""
+GOODBYE_S = PATIENCE_S / DRIVE_TRIES
+"""Time for a goodbye in one of several attempts: a late supervisor takes the station for lost before it leaves."""
 KEY = "robot/estop_station/door"
 
 
@@ -105,12 +106,12 @@ async def drive(subject: Robot, name: str = "door", *, keys: str = "wwwww", spee
     await patiently(attempt)
 
 
-async def refused(subject: Robot) -> str:
-    """Return why a reset is refused, with a neutral teleop."""
+async def refused(subject: Robot, reason: str) -> None:
+    """Reset with a neutral teleop until it is refused for this reason; on a busy machine, another one may come first."""
     await subject.press("s", lambda: subject.status.sources[0].neutral, "a neutral teleop")
-    reply = await subject.answer_to_reset()
-    assert not reply.success
-    return reply.message
+    async with asyncio.timeout(PATIENCE_S):
+        while reason not in (reply := await subject.answer_to_reset()).message:
+            assert not reply.success
 
 
 @pytest.mark.timed
@@ -127,7 +128,7 @@ async def test_a_killed_station_stops_the_robot_at_once_and_a_new_one_with_a_res
                 await subject.until(lambda: LOST in subject.status.causes, LOST)
                 say(f"SIGKILL of a station to zero on cmd_vel: {to_zero_s * 1e3:.1f} ms")
                 assert to_zero_s < 0.1, "its silence stopped it, not its token"
-            assert await refused(subject) == "the required e-stop station door is not heard: start it first"
+            await refused(subject, "the required e-stop station door is not heard: start it first")
 
 
 @pytest.mark.timed
@@ -178,7 +179,7 @@ async def test_a_replay_of_recorded_presence_by_another_client_proves_nothing(tm
                 await asyncio.sleep(0.02)
                 subject.look()
                 assert state(subject) == "lost"
-            assert "is not heard" in await refused(subject)
+            await refused(subject, "is not heard")
         finally:
             rogue.close()  # pyright: ignore[reportUnknownMemberType]
 
@@ -208,7 +209,7 @@ async def test_any_zenoh_client_can_be_a_station(tmp_path: Path) -> None:
             await drive(subject)
             pressed = True
             await subject.until(lambda: ESTOP in subject.status.causes, "its press")
-            assert await refused(subject) == "the e-stop station door is pressed: release it there first"
+            await refused(subject, "the e-stop station door is pressed: release it there first")
             pressed = False
             await subject.until(lambda: state(subject) == "heard", "its release")
             await reset(subject)
@@ -230,7 +231,7 @@ async def test_any_key_stops_and_only_the_release_of_the_button_permits_the_rese
         say(f"a key at a station to zero on cmd_vel: {to_zero_s * 1e3:.1f} ms")
         assert to_zero_s < 0.1 + LATE_S
         await until(lambda: "door: STOPPED - pressed here: release it" in door.picture)
-        assert await refused(subject) == "the e-stop station door is pressed: release it there first"
+        await refused(subject, "the e-stop station door is pressed: release it there first")
         door.type(CTRL_R)
         await subject.until(lambda: state(subject) == "heard", "its release")
         await reset(subject)
@@ -255,21 +256,28 @@ async def test_one_lost_station_of_two_stops_the_robot(tmp_path: Path) -> None:
         hall.process.kill()
         await subject.until(lambda: subject.status.detail == "hall is silent", "the loss of the hall")
         await until(lambda: "the robot is stopped" in door.picture)
-        assert "station hall is not heard" in await refused(subject)
+        await refused(subject, "station hall is not heard")
 
 
 @pytest.mark.long
 async def test_a_station_that_leaves_says_that_it_stops_the_robot(tmp_path: Path) -> None:
-    async with site(tmp_path) as subject, station(subject.endpoint) as door:
-        await heard(subject)
-        await until(lambda: "Leaving stops the robot" in door.picture)
-        await drive(subject)
-        door.type(b"q")
-        code, errors = await door.ended()
-        assert (code, errors) == (0, "")
-        await subject.until(lambda: subject.status.detail == "door has left", "its goodbye")
-        await until(lambda: "has left: the robot stops, because this station is required" in door.output)
-        await until(lambda: door.is_restored)
+    async with site(tmp_path) as subject:
+
+        async def attempt() -> None:
+            async with station(subject.endpoint) as door:
+                await heard(subject)
+                await until(lambda: "Leaving stops the robot" in door.picture)
+                await drive(subject)
+                door.type(b"q")
+                assert await door.ended() == (0, "")
+                await subject.until(
+                    lambda: subject.status.detail == "door has left", "its goodbye", GOODBYE_S
+                )
+                says = "has left: the robot stops, because this station is required"
+                await subject.until(lambda: says in door.output, says, GOODBYE_S)
+                await until(lambda: door.is_restored)
+
+        await patiently(attempt)
 
 
 @pytest.mark.long
@@ -283,23 +291,17 @@ async def test_a_supervisor_that_is_killed_during_the_latch_starts_latched(tmp_p
             await subject.until(
                 lambda: LOST in subject.status.causes and not subject.status.estop_record_problem, "a record"
             )
-        subject.kill(topics.SUPERVISOR)
-        subject.look()
-        subject.status = SafetyStatus(header(""))
-        subject.start(topics.SUPERVISOR, "--config", str(config))
+        subject.restart_supervisor("--config", str(config))
         await subject.until(lambda: {ESTOP, LOST} <= set(subject.status.causes), "both reasons")
         await subject.until(lambda: any(s.accepted for s in subject.status.sources), "commands")
-        assert "is not heard" in await refused(subject)
+        await refused(subject, "is not heard")
         async with station(subject.endpoint):
             await heard(subject)
             await subject.never(lambda: ESTOP not in subject.status.causes, "released without a reset", 0.5)
             await reset(subject)
             await drive(subject)
             # A restart without a latch needs no reset: the station is heard again, and a neutral arms.
-            subject.kill(topics.SUPERVISOR)
-            subject.look()
-            subject.status = SafetyStatus(header(""))
-            subject.start(topics.SUPERVISOR, "--config", str(config))
+            subject.restart_supervisor("--config", str(config))
             await heard(subject)
             await drive(subject)
 
@@ -311,8 +313,8 @@ async def test_a_supervisor_that_is_killed_during_the_latch_starts_latched(tmp_p
 async def test_before_the_supervisor_runs_the_station_is_not_heard_and_keeps_a_press(tmp_path: Path) -> None:
     config, endpoint = config_with(tmp_path, door=True), free_endpoint()
     async with station(endpoint) as door:
-        await until(lambda: f"door: NOT HEARD - waiting for the supervisor at {endpoint}" in door.picture)
-        assert "█" in door.picture
+        waits = f"door: NOT HEARD - waiting for the supervisor at {endpoint}"
+        await until(lambda: waits in door.picture and "█" in door.picture)
         door.type(b" ")
         await until(lambda: "PRESSED, not confirmed" in door.picture)
         subject = Robot(endpoint, tmp_path)
@@ -373,11 +375,18 @@ async def test_a_second_program_of_one_name_stops_the_robot_by_its_key_but_not_b
 async def test_a_signal_ends_the_station_with_a_goodbye_and_restores_the_terminal(
     tmp_path: Path, number: signal.Signals
 ) -> None:
-    async with heard_station(tmp_path) as (subject, door):
-        door.send(number)
-        assert await door.ended() == (0, "")
-        await subject.until(lambda: state(subject) == "has left", "its goodbye")
-        await until(lambda: door.is_restored)
+    config = config_with(tmp_path, door=True)
+    async with robot(tmp_path, topics.SUPERVISOR, teleop=False, config=config) as subject:
+
+        async def attempt() -> None:
+            async with station(subject.endpoint) as door:
+                await heard(subject)
+                door.send(number)
+                assert await door.ended() == (0, "")
+                await subject.until(lambda: state(subject) == "has left", "its goodbye", GOODBYE_S)
+                await until(lambda: door.is_restored)
+
+        await patiently(attempt)
 
 
 async def test_a_closed_terminal_ends_the_station_and_the_robot_stops(tmp_path: Path) -> None:
@@ -443,11 +452,16 @@ async def test_one_press_from_the_command_line_is_confirmed(tmp_path: Path) -> N
     )
     async with robot(tmp_path) as subject:
         await subject.drive()
-        press = await asyncio.create_subprocess_exec(
-            LIFELINE, "estop", "--endpoint", subject.endpoint, stdout=asyncio.subprocess.PIPE
-        )
-        answer, _ = await press.communicate()
-        assert press.returncode == 0
-        assert "the emergency stop is latched" in answer.decode()
+
+        async def attempt() -> None:
+            """It is confirmed within a second, or not at all."""
+            press = await asyncio.create_subprocess_exec(
+                LIFELINE, "estop", "--endpoint", subject.endpoint, stdout=asyncio.subprocess.PIPE
+            )
+            answer, _ = await press.communicate()
+            assert press.returncode == 0
+            assert "the emergency stop is latched" in answer.decode()
+
+        await patiently(attempt)
         await subject.until(lambda: ESTOP in subject.status.causes, "the press")
         await subject.until(lambda: is_zero(subject.outputs[-1][1]), "zero")

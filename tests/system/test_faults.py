@@ -144,21 +144,34 @@ async def test_a_killed_supervisor_lets_the_base_brake_and_its_return_moves_noth
 
 
 async def test_a_stopped_supervisor_lets_the_base_brake_within_its_own_timeout(tmp_path: Path) -> None:
-    async with robot(tmp_path) as subject:
-        await subject.drive()
+    async with robot(tmp_path, teleop=False) as subject:
+        # A delayed teleop would become neutral, which ends the latch.
+        subject.start_teleop(module="tests.system.patient_teleop")
         log = tmp_path / "sim.log"
-        written = len(log.read_text())
-        subject.signal(topics.SUPERVISOR, signal.SIGSTOP)
-        # The hub is stopped, so the base's log is read, which also contains a stop at its start.
-        await subject.until(
-            lambda: "base: COMMAND_TIMEOUT" in log.read_text()[written:], "the base brakes by itself"
-        )
-        subject.signal(topics.SUPERVISOR, signal.SIGCONT)
+        while True:
+            await subject.drive()
+            written = len(log.read_text())
+            supervisor = subject.processes[topics.SUPERVISOR]
+            subject.signal(topics.SUPERVISOR, signal.SIGSTOP)
+            # The hub is stopped, so the base's log is read, which also contains a stop at its start.
+            await subject.until(
+                lambda written=written: "base: COMMAND_TIMEOUT" in log.read_text()[written:],
+                "the base brakes by itself",
+            )
+            subject.signal(topics.SUPERVISOR, signal.SIGCONT)
+            await subject.until(
+                lambda supervisor=supervisor: (
+                    supervisor.poll() is not None
+                    or ("OVERRUN" in subject.status.latched and not subject.status.causes)
+                ),
+                "every cause is over, and the lateness is latched",
+            )
+            if supervisor.poll() is None:
+                break
+            # A busy machine has kept it stopped for longer than TURN_LIMIT_S.
+            assert supervisor.poll() == -signal.SIGALRM
+            subject.start(topics.SUPERVISOR)
         await subject.until(lambda: abs(subject.speed_m_s) < 0.005, "standstill")
-        await subject.until(
-            lambda: "OVERRUN" in subject.status.latched and not subject.status.causes,
-            "every cause is over, and the lateness is latched",
-        )
         await subject.never(lambda: abs(subject.speed_m_s) > 0.01, "it moved before neutral", 0.5)
 
 

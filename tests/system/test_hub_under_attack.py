@@ -6,7 +6,6 @@ machine on the network can send without effort; it must not starve the superviso
 
 import asyncio
 import itertools
-import resource
 import signal
 import subprocess
 import sys
@@ -167,15 +166,18 @@ async def test_under_attack_a_client_connects_and_cmd_vel_has_no_gap(
 async def test_more_strangers_than_a_shell_permits_open_files_do_not_lock_a_client_out(
     tmp_path: Path,
 ) -> None:
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (256, hard))
+    subject = Robot(free_endpoint(), tmp_path)
+    # The limit of this process itself would not admit the files of all its tests.
+    supervisor = ("sh", "-c", 'ulimit -Sn 256; exec "$@"', "sh", sys.executable, "-m", topics.SUPERVISOR)
+    subject.processes[topics.SUPERVISOR] = subprocess.Popen(
+        [*supervisor, "--endpoint", subject.endpoint], env=subject.environment
+    )
     try:
-        async with robot(tmp_path, topics.SUPERVISOR, teleop=False) as subject:
-            resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
-            async with attacker(subject, Attack("silent", 300, 1000.0)):
-                assert await asyncio.wait_for(connect(subject.endpoint), BESIDE_OTHER_TESTS.connect_s)
+        await subject.observe()
+        async with attacker(subject, Attack("silent", 300, 1000.0)):
+            assert await asyncio.wait_for(connect(subject.endpoint), BESIDE_OTHER_TESTS.connect_s)
     finally:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+        await subject.close()
 
 
 @pytest.mark.parametrize("open_files", [64, 100])

@@ -25,7 +25,7 @@ from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED
 from faults.attacks import free_scan
 from supervisor.estop_record import record_path
 from tests.system.commands import run_here
-from tests.system.harness import PATIENCE_S, Robot, free_endpoint, robot
+from tests.system.harness import DRIVE_TRIES, PATIENCE_S, Robot, free_endpoint, patiently, robot
 from tests.system.rogue import answer, open_rogue
 from wire import topics
 from wire.messages import encode, odometry
@@ -256,13 +256,17 @@ async def test_scans_of_a_bridge_whose_stamps_do_not_run_like_real_time_are_name
                 bridge.put("robot/scan", encode(free_scan(chance, stamp_ns(time.time_ns()))))
 
             with repeated(write, 0.05):
-                await subject.until(lambda: problem in subject.status.detail, problem)
-                assert "SCAN_STALE" in subject.status.reasons
+                await subject.until(
+                    lambda: problem in subject.status.detail and "SCAN_STALE" in subject.status.reasons,
+                    problem,
+                )
+                found = f"SCAN_STALE: there is no fresh scan: the stamps of the lidar's scans {problem}"
                 texts = [" ".join((await lifeline(subject, "doctor"))[1].split())]
-                # Whole seconds are fresh at the beginning of each second: doctor may see just that moment.
-                while len(texts) < MOMENTS and "SCAN_STALE" not in texts[-1]:
+                # Whole seconds are fresh at the beginning of each second: doctor may see just that moment. On a busy
+                # machine, late scans change a measured rate.
+                while len(texts) < MOMENTS and found not in texts[-1]:
                     texts.append(" ".join((await lifeline(subject, "doctor"))[1].split()))
-    assert f"SCAN_STALE: there is no fresh scan: the stamps of the lidar's scans {problem}" in texts[-1]
+    assert found in texts[-1]
     assert "wait for the lidar" not in texts[-1]
 
 
@@ -394,14 +398,28 @@ async def test_a_source_has_one_publisher_and_one_press_of_the_estop_is_publishe
 @pytest.mark.long
 async def test_published_commands_drive_after_a_zero_and_end_without_a_lost_source(tmp_path: Path) -> None:
     async with standing(tmp_path) as subject:
-        for _ in range(3):
+
+        async def attempt() -> None:
+            """The program sends zero only at its start: a stop of a busy machine ends the attempt, and latches its reason."""
             process = await start(subject, "topic", "pub", "path/cmd_vel", "{angular: {z: 0.3}}")
-            await subject.until(lambda: subject.turn_rad_s > 0.2, "a turn")
-            process.send_signal(signal.SIGINT)
-            await asyncio.wait_for(process.communicate(), PATIENCE_S)
+            try:
+                assert process.stdout is not None
+                await asyncio.wait_for(process.stdout.readline(), PATIENCE_S)
+                await subject.until(
+                    lambda: subject.turn_rad_s > 0.2, "a turn", within_s=PATIENCE_S / DRIVE_TRIES
+                )
+            finally:
+                process.send_signal(signal.SIGINT)
+                await asyncio.wait_for(process.communicate(), PATIENCE_S)
             assert process.returncode == 0
-            await subject.until(lambda: subject.status.mode == 0 and abs(subject.turn_rad_s) < 0.01, "a stop")
-            assert subject.status.reasons == ["NO_COMMAND"]
+            await subject.until(
+                lambda: subject.status.reasons == ["NO_COMMAND"] and abs(subject.turn_rad_s) < 0.01,
+                "a stop without another reason",
+                within_s=PATIENCE_S / DRIVE_TRIES,
+            )
+
+        for _ in range(3):
+            await patiently(attempt)
 
 
 @pytest.mark.parametrize(
