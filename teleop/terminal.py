@@ -42,18 +42,18 @@ _ASK, _ASK_WHEEL, _ASK_KEYBOARD = "\x1b[5n", "\x1b[?1007$p", "\x1b[?u"
 """Requests for the terminal's status, for the mode of its wheel, and for the keyboard flags of the kitty protocol."""
 _NO_MOUSE = "".join(f"\x1b[?{mode}l" for mode in (9, 1000, 1001, 1002, 1003, 9001))
 """Switch off what an earlier program may have left on: mouse reports, and win32-input-mode."""
-_TYPED, _NOT_TYPED = f"\x1b[?2004h\x1b[?1007l{_NO_MOUSE}", "\x1b[?2004l\x1b[?1007h"
-"""Let the terminal mark pasted text, and keep the mouse from sending keys; and the usual modes again."""
+_MARK_PASTE = "\x1b[?2004h"
+_TYPED = f"{_MARK_PASTE}\x1b[?1004h\x1b[?1007l{_NO_MOUSE}"
+_NOT_TYPED = "\x1b[?2004l\x1b[?1004l\x1b[?1007h"
+"""Let the terminal mark pasted text and report the keyboard focus, and keep the mouse from sending keys; and the usual modes again."""
 _ENTER = f"\x1b[?1049h\x1b[?25l{_TYPED}"
 _LEAVE = f"{_NOT_TYPED}\x1b[?2026l\x1b[?7h\x1b[0m\x1b[?25h\x1b[?1049l"
 """Also resets the modes that a picture sets, because the last picture may be incomplete."""
-_HOLD_ENTER, _HOLD_LEAVE = f"\x1b[?1004h{_ASK_KEYBOARD}", "\x1b[?1004l"
-"""Enable reports of lost keyboard focus, and query support of the kitty keyboard protocol."""
 _KITTY_FLAGS = 1 | 2 | 4 | 8
 """Report every key as a sequence, with its release, and with its position on the US layout."""
 _KITTY_NEEDED = 2 | 8
 _PUSH, _POP = f"\x1b[>{_KITTY_FLAGS}u", "\x1b[<u"
-RESTORE = _POP + _HOLD_LEAVE + _LEAVE
+RESTORE = _POP + _LEAVE
 """Sequences that restore the terminal after teleop was killed.
 They have no effect on a shell's main screen, which has its own keyboard flags."""
 _COLOURS = {Tone.GOOD: "\x1b[32m", Tone.CAUTION: "\x1b[1;33m", Tone.STOP: "\x1b[1;31m"}
@@ -172,7 +172,7 @@ class Terminal:
         is_lost = self._pulse.is_lost(now_s)
         if not self._is_dumb and self._pulse.is_due(now_s):
             self._pulse.ask(now_s)
-            text += self._questions() + _ASK
+            text += self._questions() + _MARK_PASTE + _ASK  # another program may have ended the mark
         return (self._write(text) if text else self._is_writable()) and not is_lost
 
     def note(self, text: str) -> None:
@@ -270,7 +270,7 @@ class Terminal:
         hold = self._face.is_full and self._on_releases is not None
         self._has_pushed, self._wheel_asks = False, 0
         self._rely()
-        self._write(self._face.enter + (_HOLD_ENTER if hold else ""))
+        self._write(self._face.enter + (_ASK_KEYBOARD if hold else ""))
 
     def _keep_modes(self) -> None:
         """Set the modes again if another program has changed them: otherwise, a SPACE may wait for Enter."""
@@ -300,9 +300,8 @@ class Terminal:
             self._loop.remove_signal_handler(number)
         signal.signal(signal.SIGQUIT, signal.SIG_DFL)
         ending = self._face.leave + self._face.ending(self.size[0])
-        if self._face.is_full:
-            hold = (_POP if self._has_pushed else "") + (_HOLD_LEAVE if self._on_releases is not None else "")
-            ending = f"{hold}{ending}"
+        if self._has_pushed:
+            ending = _POP + ending
         self._rely()
         self._has_pushed = False
         self._write_for_certain(ending)

@@ -19,6 +19,7 @@ import math
 import re
 import sys
 import unicodedata
+from collections import deque
 from collections.abc import Iterator, Sequence
 from enum import Enum, StrEnum, auto
 from typing import NamedTuple, Protocol
@@ -103,19 +104,23 @@ UNKNOWN = "an unknown key sequence"
 REPLY = "a reply to another program"
 """A string of any characters and length, such as a colour or a clipboard; its end may be long on the way."""
 UNFINISHED = "Escape, or an unfinished key sequence"
-NOT_TYPED = frozenset({PASTED, SEVERAL, PLAIN, WHEEL, UNKNOWN, REPLY, UNFINISHED})
+UNFOCUSED = "a key while the terminal does not have the keyboard focus"
+"""Another program copies the keys of another window or pane."""
+UNPRESSED = "a release without its press"
+"""A key has another name since its press, as after a change of the layout or Num Lock: a held key may have been released."""
+NOT_TYPED = frozenset({PASTED, SEVERAL, PLAIN, WHEEL, UNKNOWN, REPLY, UNFINISHED, UNFOCUSED, UNPRESSED})
 """Pseudo keys in place of input that is not the press of a known key."""
 NO_MOTION = frozenset({*COMMANDS, FOCUS_OUT})
 """Keys that the program handles, and that need not stop the robot."""
 
 MAX_KEYS = 3
 """Maximum number of different keys that a person presses between two reads, also over a slow link."""
-PAUSE_S = 0.1
-"""Keys within this time after input that no person typed are the rest of it, which a link delivered later."""
-REPLY_PAUSE_S = 1.0
-"""The same for a reply that another program asked for: it may be long, and a link may cut it at each packet."""
+PAUSE_S = 1.0
+"""Keys within this time after input that no person typed are the rest of it: a slow link may cut it at each packet."""
 TOGETHER_S = 0.03
 """No person presses more than `MAX_KEYS` different keys within this time of one another."""
+MAX_DOWN = 32
+"""Maximum number of keys that count as pressed: more than a person holds."""
 MAX_PARAMETERS = 64
 """Maximum number of parameter characters in a key's sequence."""
 
@@ -139,16 +144,19 @@ _FINALS = {
 ARROWS = frozenset({"up", "down", "left", "right"})
 _STRINGS = "P]X^_"
 """After ESC: the beginning of a string of any characters, such as a reply with a colour or the terminal's name."""
-_VT52_ARROWS = "ABCD"
-"""After ESC: an arrow, or the wheel, of a terminal that a program left in VT52 mode; the letters would move the robot."""
+_VT52_KEYPAD = "?"
+"""After ESC: a key of the keypad, whose letter follows, of a terminal that a program left in VT52 mode."""
 _C1 = {chr(ord(char) + 0x40): ESCAPE + char for char in "[O" + _STRINGS}
 """The same introducers as one character, from terminals with 8-bit controls."""
+_KEY = re.compile(r"[0-9:;]*")
+"""The parameters of a key."""
 _REPORTS = re.compile(r"I|[?>]?[0-9;]+[cnt]|(?!1;)[?>]?[0-9;]+R|\?[0-9;]+\$y")
 """Parameters and final bytes of reports that are not keys: focus, identification, status, size, cursor and modes.
 A cursor in the first row looks like F3 with a modifier, and counts as this key."""
 _OTHER_KEY = re.compile(r"27;(?P<modifiers>[0-9]*);(?P<code>[0-9]*)")
 _WIN32_ALWAYS = re.compile(r"[0-9]*;[0-9]*;(32|3);1[0-9;]*")
 """The press of SPACE or Ctrl-C in win32-input-mode, which ends in an underscore."""
+_PASTE = 200
 _WHEEL_MODE = re.compile(r"\?1007;([0-4])\$")
 _RESET_MODES = (2, 4)
 """The states "reset" and "permanently reset" in a report of a mode (DECRPM)."""
@@ -191,7 +199,7 @@ class Report(NamedTuple):
 class _State(Enum):
     GROUND = auto()
     ESCAPED = auto()
-    """After ESC: the introducer of a sequence, or a key pressed together with Alt."""
+    """After ESC: the introducer of a sequence, or a key pressed together with Alt, or a function key of old terminals."""
     CSI = auto()
     """After ESC [: parameters, then one final byte."""
     SS3 = auto()
@@ -202,7 +210,8 @@ class TypedKeys:
     """Replaces the key events of a read by one pseudo key if no person typed them, with the keys that always count.
 
     More than `MAX_KEYS` different keys at once were pasted. An unknown sequence may continue in characters, as a mouse report
-    does. Both last until a pause, because a link may cut them into several reads.
+    does, and so may pasted text that contains its own end. All last until a pause, because a link may cut them into several
+    reads.
     """
 
     def __init__(self) -> None:
@@ -217,14 +226,10 @@ class TypedKeys:
         keys = {event.key for event in events if event.kind is KeyKind.PRESS} - ALWAYS_KEYS
         typed = keys - NOT_TYPED - {FOCUS_OUT}
         self._keys = typed | (self._keys if pause_s <= TOGETHER_S else frozenset[str]())
-        if pause_s > (REPLY_PAUSE_S if self._why == REPLY else PAUSE_S):
+        if pause_s > PAUSE_S:
             self._why = ""
-        if REPLY in keys:
-            self._why = REPLY
-        elif UNKNOWN in keys:
-            self._why = self._why or UNKNOWN
-        elif len(self._keys) > MAX_KEYS:
-            self._why = self._why or SEVERAL
+        several = SEVERAL if len(self._keys) > MAX_KEYS else ""
+        self._why = self._why or next((why for why in (PASTED, REPLY, UNKNOWN) if why in keys), several)
         if not self._why:
             return events
         return [KeyEvent(self._why), *(event for event in events if event.key in ALWAYS_KEYS)]
@@ -237,6 +242,14 @@ class KeyDecoder:
         self._utf8 = codecs.getincrementaldecoder("utf-8")("surrogateescape")
         self._state = _State.GROUND
         self._parameters = ""
+        self._outer: tuple[_State, str] | None = None
+        """The state of the sequence inside which another one began. mosh and multiplexers insert their answers at any byte,
+        and the rest follows the answer."""
+        self._is_told = False
+        """Whether the unfinished sequence was reported."""
+        self._down: deque[str] = deque(maxlen=MAX_DOWN)
+        """The keys that were pressed and not released, by the names of their releases."""
+        self._has_focus = True
         self._is_pasting = False
         self._is_noted = False
         """Whether pasted text was reported for this read."""
@@ -248,7 +261,8 @@ class KeyDecoder:
     @property
     def is_unfinished(self) -> bool:
         """Whether the last bytes are an Escape, or the beginning of a sequence or character."""
-        return self._state is not _State.GROUND or bool(self._utf8.getstate()[0])
+        is_begun = self._state is not _State.GROUND and not self._is_told
+        return is_begun or bool(self._utf8.getstate()[0])
 
     def feed(self, data: bytes) -> list[KeyEvent | Report]:
         """Return the keys and reports that `data` completes, in order. Bytes that are not UTF-8 count as Latin-1."""
@@ -268,6 +282,8 @@ class KeyDecoder:
                 self._is_pasting = True
                 yield from () if self._is_noted else (KeyEvent(PASTED),)
                 self._is_noted = True
+            elif not self._has_focus and event.key != FOCUS_OUT and event.kind is not KeyKind.RELEASE:
+                yield KeyEvent(UNFOCUSED)
             elif self.doubts_arrows and event.key in ARROWS and event.kind is not KeyKind.RELEASE:
                 yield KeyEvent(WHEEL)
             else:
@@ -275,20 +291,20 @@ class KeyDecoder:
 
     def _decoded(self, char: str) -> Iterator[KeyEvent | Report]:
         state, self._state = self._state, _State.GROUND
+        if state is _State.GROUND:
+            self._outer, self._is_told = None, False
         if char in ALWAYS_KEYS:
             yield from self._typed(char)
         elif char == ESCAPE:
             self._state = _State.ESCAPED
-            if state is not _State.GROUND:  # the terminal may answer a status request just after an Escape
-                yield KeyEvent(UNFINISHED)
+            if state is not _State.GROUND:
+                self._outer = state, self._parameters
+                yield from () if self._is_told else (KeyEvent(UNFINISHED),)
+                self._is_told = True
         elif state is _State.GROUND:
             yield from self._typed(char)
         elif state is _State.ESCAPED:
-            self._state = {"[": _State.CSI, "O": _State.SS3}.get(char, _State.GROUND)
-            self._parameters = ""
-            if self._state is _State.GROUND:
-                why = REPLY if char in _STRINGS else UNKNOWN if char in _VT52_ARROWS else ""
-                yield from [KeyEvent(why)] if why else self._typed(char)
+            yield from self._escaped(char)
         elif state is _State.SS3:
             yield from self._typed(_FINALS.get(char, UNKNOWN))
         elif "@" <= char <= "~":
@@ -297,7 +313,20 @@ class KeyDecoder:
             self._state = _State.CSI
             self._parameters = (self._parameters + char)[:MAX_PARAMETERS]
 
+    def _escaped(self, char: str) -> Iterator[KeyEvent]:
+        self._state = {"[": _State.CSI, "O": _State.SS3}.get(char, _State.GROUND)
+        self._parameters = ""
+        if self._state is not _State.GROUND:
+            return
+        if char in _STRINGS:
+            yield KeyEvent(REPLY)
+        elif char == _VT52_KEYPAD:
+            yield KeyEvent(UNKNOWN)
+        else:  # F8 of an HP terminal is ESC w
+            yield from self._typed(f"Alt-{char}" if char > SPACE else char)
+
     def _finished(self, final: str) -> Iterator[KeyEvent | Report]:
+        outer, self._outer = self._outer, None
         if (self._parameters, final) == ("201", "~"):
             self._is_pasting = False
             return
@@ -306,8 +335,28 @@ class KeyDecoder:
             yield from self._typed(typed.key) if isinstance(typed, KeyEvent) else ()
             return
         found = _sequence(self._parameters, final)
+        if not self._parameters and final in "IO":
+            self._has_focus = final == "I"
+        elif isinstance(found, KeyEvent):
+            outer = None
+            yield from () if self._is_paired(found, final) else (KeyEvent(UNPRESSED),)
         if found is not None:
             yield found
+        if outer is not None:  # the report came from inside another sequence, which goes on
+            self._state, self._parameters = outer
+
+    def _is_paired(self, event: KeyEvent, final: str) -> bool:
+        """Note a press, or return whether a release has its press."""
+        alone = _sequence(f"{self._parameters.partition(';')[0]};1:3", final)
+        name = alone.key if isinstance(alone, KeyEvent) else ""
+        is_down = name in self._down
+        if event.kind is KeyKind.RELEASE:
+            if is_down:
+                self._down.remove(name)
+            return is_down or not self.tells_releases
+        if not is_down:
+            self._down.append(name)
+        return True
 
     def _typed(self, char: str) -> Iterator[KeyEvent]:
         is_pressed = char in ALWAYS_KEYS or not self.tells_releases
@@ -340,12 +389,13 @@ def _sequence(parameters: str, final: str) -> KeyEvent | Report | None:
     if final == "u":
         key = _key(fields[0], held, kind)
     elif final == "~":
-        key = PASTED if parameters == "200" else f"~{fields[0][0]}"
+        key = PASTED if fields[0][0] == _PASTE else f"~{fields[0][0]}"
     else:
         key = _FINALS.get(final, UNKNOWN)
     if key is None:
         return None
-    is_foreign = event not in _KINDS or (held & _FOREIGN and kind is not KeyKind.RELEASE)
+    is_key = event in _KINDS and _KEY.fullmatch(parameters)
+    is_foreign = not is_key or (held & _FOREIGN and kind is not KeyKind.RELEASE)
     return KeyEvent(UNKNOWN if is_foreign and key not in ALWAYS_KEYS else key, kind)
 
 

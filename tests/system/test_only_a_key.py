@@ -37,6 +37,10 @@ NOTCHES = 40
 UNPROVEN_LIMIT_S = 1.5
 """A held key counts for 1 s at most before the first release, in heartbeats: a busy machine may delay them."""
 ESTOP_LIMIT_S = 0.2
+BYTE_S = 0.05
+"""Between two bytes, so that answers come between them."""
+CUT_S = 0.15
+"""Between the two parts of a sequence on a slow link."""
 
 
 async def scroll(op: Operator) -> None:
@@ -162,7 +166,88 @@ async def test_before_the_first_release_a_held_key_counts_for_a_second() -> None
         await until(lambda: "no key release" in op.picture)
 
 
+@pytest.mark.parametrize(
+    ("pressed", "released"),
+    [(b"\x1b[105;1:1u", b"\x1b[99::105;1:3u"), (b"\x1b[57419;1:1u", b"\x1b[57407;1:3u")],
+    ids=["layout", "Num Lock"],
+)
+async def test_a_held_key_ends_with_its_release_if_the_layout_or_num_lock_has_renamed_it(
+    pressed: bytes, released: bytes
+) -> None:
+    endpoint = free_endpoint()
+    async with hub(endpoint) as h, operator(endpoint, *HOLD, kitty=ALL_FLAGS) as op:
+        await held(h, op)
+        op.key("i", 3)
+        await press(lambda: op.type(pressed), lambda: h.asks(0.5, 0.0))
+        op.type(released)
+        await until(lambda: h.asks(*ZERO), 1.0)
+        await held(h, op)
+
+
+# --- pasted text
+
+
+@pytest.mark.parametrize(("mode", "key"), [((), b"w"), (HOLD, b"i")], ids=["steps", "hold"])
+async def test_pasted_text_inside_whose_mark_the_terminal_answers_moves_nothing(
+    mode: tuple[str, ...], key: bytes
+) -> None:
+    """A program that answers for the terminal, as mosh does, inserts its answers between any two bytes."""
+    pasted = b"\x1b[200~" + 9 * key + b"\x1b[201~"
+    endpoint = free_endpoint()
+    async with hub(endpoint) as h, operator(endpoint, *mode) as op:
+        await ready(h, op)
+        seen = len(h.velocities)
+        for cut in range(1, 6):
+            op.type(pasted[:cut] + b"\x1b[0n" + pasted[cut:])
+            answered = op.answered
+            await until(lambda answered=answered: op.answered >= answered + 5)
+        for byte in pasted:
+            op.type(bytes([byte]))
+            await asyncio.sleep(BYTE_S)
+        assert set(h.velocities[seen:]) == {ZERO}
+
+
+async def test_pasted_text_that_contains_its_own_end_moves_nothing() -> None:
+    endpoint = free_endpoint()
+    async with hub(endpoint) as h, operator(endpoint) as op:
+        await ready(h, op)
+        seen = len(h.velocities)
+        op.paste(b"ls\x1b[201~wwww")
+        await until(lambda: "ignored pasted text" in op.picture)
+        answered = op.answered
+        await until(lambda: op.answered >= answered + 5)
+        assert set(h.velocities[seen:]) == {ZERO}
+
+
+async def test_a_terminal_is_told_again_to_mark_pasted_text_after_another_program_ended_it() -> None:
+    async with driving() as (_, op):
+        op.modes_on.discard("2004")
+        await until(lambda: "2004" in op.modes_on)
+
+
 # --- other programs on the terminal
+
+
+@pytest.mark.parametrize(("mode", "key"), [((), b"w"), (HOLD, b"i")], ids=["steps", "hold"])
+async def test_keys_of_another_window_that_a_program_copies_move_nothing_but_space_is_the_emergency_stop(
+    mode: tuple[str, ...], key: bytes
+) -> None:
+    """Such as "broadcast input" of a terminal, or synchronize-panes of tmux with focus-events."""
+    endpoint = free_endpoint()
+    async with hub(endpoint) as h, operator(endpoint, *mode) as op:
+        await ready(h, op)
+        assert "1004" in op.modes_on
+        op.type(b"\x1b[O")
+        seen = len(h.velocities)
+        for _ in range(NOTCHES):
+            op.type(key)
+            await asyncio.sleep(INTERVAL_S)
+        await until(lambda: "does not have the keyboard focus" in op.picture)
+        assert set(h.velocities[seen:]) == {ZERO}
+        op.type(b" ")
+        await until(h.got_estop)
+        op.type(b"\x1b[I")
+        await hold_down(op, key, lambda: not h.asks(*ZERO))
 
 
 def sane(op: Operator) -> list[Any]:
@@ -196,6 +281,34 @@ async def test_mouse_modes_that_an_earlier_program_left_on_are_switched_off() ->
 
 
 # --- keys in the coding of other programs
+
+
+OTHER_KEYS = {
+    "F1 of the Linux console": (b"\x1b[[", b"A"),
+    "Ctrl-Left of an old xterm": (b"\x1bO5", b"D"),
+    "X10 mouse at column 87": (b"\x1b[M`", b"ww"),
+    "F8 of an HP terminal": (b"\x1bw", b""),
+    "keypad of VT52 mode": (b"\x1b?", b"w"),
+    "text without marks": (b"forward", b"www"),
+    "Shift-Delete of rxvt": (b"\x1b[3$", b"D"),
+}
+
+
+@pytest.mark.parametrize("sequence", OTHER_KEYS.values(), ids=OTHER_KEYS)
+async def test_a_key_of_another_terminal_moves_nothing_if_a_slow_link_cuts_it(
+    sequence: tuple[bytes, bytes],
+) -> None:
+    endpoint = free_endpoint()
+    async with hub(endpoint) as h, operator(endpoint) as op:
+        await ready(h, op)
+        seen = len(h.velocities)
+        op.type(sequence[0])
+        await asyncio.sleep(CUT_S)
+        op.type(sequence[1])
+        await until(lambda: "ignored" in op.picture)
+        answered = op.answered
+        await until(lambda: op.answered >= answered + 5)
+        assert set(h.velocities[seen:]) == {ZERO}
 
 
 CTRL_SPACES = (b"\0", b"\x1b[27;5;32~", b"\x1b[32;5u", b"\x1b[32;57;32;1;8;1_")

@@ -55,6 +55,7 @@ async def test_holding_where_the_terminal_reports_releases() -> None:
         op.type(b"\x1b[O")  # the focus is lost, and every release with it
         await until(lambda: h.asks(*ZERO))
         op.key("i", 2)
+        op.type(b"\x1b[I")
         op.key("i", 3)
 
         op.type(b"iii")  # pasted: no release follows

@@ -22,6 +22,7 @@ from tests.system.operators import (
     hub,
     operator,
     press,
+    press_steps,
     until,
 )
 from wire.messages import SafetyStatus
@@ -105,8 +106,7 @@ async def test_pasted_text_stops_the_robot_and_requests_no_motion_and_no_reset(
         await until(lambda: h.asks(*ZERO))
         await until(lambda: "ignored pasted text" in op.output)
         assert set(h.velocities[seen:]) <= {ZERO, (0.1, 0.0)}
-        op.type(b"w")
-        await until(lambda: h.asks(0.1, 0.0))
+        await press_steps(h, op, b"w", 0.1)
         assert "reset refused" not in op.output
         op.type(b"\x03")
         assert await op.ended() == (0, "")

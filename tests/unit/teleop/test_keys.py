@@ -16,16 +16,18 @@ from teleop.pilots.keys import (
     CTRL_D,
     CTRL_Z,
     FOCUS_OUT,
+    MAX_DOWN,
     MAX_PARAMETERS,
     PASTED,
     PAUSE_S,
     PLAIN,
     REPLY,
-    REPLY_PAUSE_S,
     SEVERAL,
     TOGETHER_S,
     UNFINISHED,
+    UNFOCUSED,
     UNKNOWN,
+    UNPRESSED,
     WHEEL,
     Command,
     KeyDecoder,
@@ -109,7 +111,6 @@ pieces = st.lists(st.one_of(st.binary(max_size=6), st.sampled_from(FRAGMENTS)), 
         (b"\x1b[1;2R", "f3"),
         (b"\x1b[3~", "~3"),
         (b"\x1b[Z", "tab"),
-        (b"\x1b[O", FOCUS_OUT),
         (b"\r", "enter"),
         (b"\x7f", "backspace"),
     ],
@@ -197,9 +198,22 @@ def test_a_sequence_that_arrives_in_pieces_is_no_letter_either() -> None:
     ]
 
 
-@pytest.mark.parametrize("arrow", [b"\x1bA", b"\x1bB", b"\x1bC", b"\x1bD"])
-def test_an_arrow_of_vt52_mode_is_no_letter(arrow: bytes) -> None:
-    assert keys(arrow) == [UNKNOWN]
+@pytest.mark.parametrize("char", "ABCDQRSwxadiqrsI")
+def test_a_letter_behind_an_escape_is_no_letter(char: str) -> None:
+    """It is an arrow of VT52 mode, a function key of an HP terminal, or a key with Alt."""
+    assert keys(f"\x1b{char}".encode()) == [f"Alt-{char}"]
+
+
+@pytest.mark.parametrize("letter", ["w", "x", "u", "m", "l"])
+def test_a_key_of_the_keypad_of_vt52_mode_is_unknown(letter: str) -> None:
+    assert typed_apart(b"\x1b?" + letter.encode(), 0.15) == [UNKNOWN, UNKNOWN]
+
+
+@pytest.mark.parametrize(
+    "sequence", [b"\x1b[?5A", b"\x1b[>1B", b"\x1b[3$D", b"\x1b[<105u", b"\x1b[=105;1:1u"]
+)
+def test_a_sequence_with_parameters_that_no_key_has_is_unknown(sequence: bytes) -> None:
+    assert keys(sequence) == [UNKNOWN]
 
 
 def test_space_and_ctrl_c_of_win32_input_mode_come_through_and_a_letter_is_unknown() -> None:
@@ -207,9 +221,9 @@ def test_space_and_ctrl_c_of_win32_input_mode_come_through_and_a_letter_is_unkno
     assert keys(b"\x1b[87;17;119;1;0;1_\x1b[32;57;32;0;0;1_") == [UNKNOWN, UNKNOWN]
 
 
-def test_a_key_with_alt_is_that_key() -> None:
-    assert keys(b"\x1bs") == ["s"]
+def test_a_key_with_alt_is_that_key_in_the_kitty_protocol_alone() -> None:
     assert keys(b"\x1b[115;3u") == ["s"]
+    assert keys(b"\x1b\r\x1b\x04") == ["enter", CTRL_D]
 
 
 def test_a_lone_escape_does_not_swallow_the_emergency_stop() -> None:
@@ -226,6 +240,42 @@ def test_parameters_without_end_are_no_key_and_fill_no_memory() -> None:
 @pytest.mark.parametrize("begun", [b"\x1b", b"\x1b[", b"\x1b[1;", b"\x1bO"])
 def test_an_escape_that_the_reply_to_a_status_request_follows_is_still_an_unknown_key(begun: bytes) -> None:
     assert KeyDecoder().feed(begun + b"\x1b[0n") == [KeyEvent(UNFINISHED), Report(ReportKind.WELL)]
+
+
+PIECES = [
+    (b"\x1b[200~", [KeyEvent(PASTED)]),
+    (b"\x1b[32;1u", [KeyEvent(" ")]),
+    (b"\x1b[105;1:3u", [KeyEvent("i", RELEASE)]),
+    (b"\x1bOD", [KeyEvent("left")]),
+    (b"\x1b[D", [KeyEvent("left")]),
+    (b"\x1bw", [KeyEvent("Alt-w")]),
+    (b"\x1b[27;5;32~", [KeyEvent(" ")]),
+]
+
+
+@pytest.mark.parametrize(("sequence", "events"), PIECES, ids=repr)
+@pytest.mark.parametrize(
+    "report", [b"\x1b[0n", b"\x1b[0n\x1b[0n", b"\x1b[I", b"\x1b[?1007;2$y", b"\x1b[?62c"]
+)
+def test_a_sequence_inside_which_the_terminal_reports_goes_on_after_the_report(
+    sequence: bytes, events: list[KeyEvent], report: bytes
+) -> None:
+    """Multiplexers and mosh insert their answers between any two bytes."""
+    for cut in range(1, len(sequence)):
+        decoder = KeyDecoder()
+        found = decoder.feed(sequence[:cut] + report)
+        assert [event for event in found if isinstance(event, KeyEvent)] == [KeyEvent(UNFINISHED)]
+        assert not decoder.is_unfinished, "it is reported once"
+        assert decoder.feed(sequence[cut:]) == events
+        decoder.feed(b"w\x1b")
+        assert decoder.is_unfinished
+
+
+def test_a_sequence_that_a_key_interrupts_does_not_go_on() -> None:
+    decoder = KeyDecoder()
+    assert decoder.feed(b"\x1b[1;\x1b[Aw") == [KeyEvent(UNFINISHED), KeyEvent("up"), KeyEvent("w")]
+    assert decoder.feed(b"\x1b[1;\x1b w") == [KeyEvent(UNFINISHED), KeyEvent(" "), KeyEvent("w")]
+    assert decoder.feed(b"\x1b[0nw") == [Report(ReportKind.WELL), KeyEvent("w")]
 
 
 def test_a_plain_character_where_releases_are_reported_was_not_pressed_unless_it_stops() -> None:
@@ -331,6 +381,73 @@ def test_every_space_of_the_kitty_protocol_is_the_emergency_stop_with_any_modifi
     assert KeyDecoder().feed(f"\x1b[{fields.format(ord(space))}u".encode()) == [KeyEvent(" ")]
 
 
+# --- the keyboard focus
+
+
+def test_no_key_counts_while_the_terminal_does_not_have_the_focus_except_those_that_always_do() -> None:
+    decoder = KeyDecoder()
+    assert decoder.feed(b"w\x1b[Ow\x1b[A \x1b[105;1:1u\x1b[105;1:3u\x03") == [
+        *(KeyEvent("w"), KeyEvent(FOCUS_OUT), KeyEvent(UNFOCUSED), KeyEvent(UNFOCUSED), KeyEvent(" ")),
+        *(KeyEvent(UNFOCUSED), KeyEvent("i", RELEASE), KeyEvent(CTRL_C)),
+    ]
+    assert decoder.feed(b"\x1b[Iw") == [KeyEvent("w")]
+
+
+# --- releases
+
+RENAMED = [
+    ("105;1:1u", "99::105;1:3u"),
+    ("105::103;1:1u", "103;1:3u"),
+    ("57419;1:1u", "57407;1:3u"),
+    ("1;1:1A", "57407;1:3u"),
+]
+"""A press and its release after a change of the layout or Num Lock."""
+
+
+@pytest.mark.parametrize(("press", "release"), RENAMED)
+def test_a_release_without_its_press_is_reported_because_the_key_may_be_a_held_one(
+    press: str, release: str
+) -> None:
+    decoder = KeyDecoder()
+    decoder.tells_releases = True
+    decoder.feed(f"\x1b[{press}".encode())
+    unpressed, event = decoder.feed(f"\x1b[{release}".encode())
+    assert unpressed == KeyEvent(UNPRESSED)
+    assert isinstance(event, KeyEvent)
+    assert event.kind is RELEASE
+
+
+PAIRS = [
+    ("105;1:1u", "105;1:3u"),
+    ("105;1:2u", "105:73;2:3u"),
+    ("105;5:1u", "105;1:3u"),
+    ("105;129:1u", "105;1:3u"),
+    ("34:51:51;2:1u", "34::51;1:3u"),
+    ("1096::105;1:1u", "1096::105;1:3u"),
+    ("119;9:1u", "119;9:3u"),
+    ("A", "1;1:3A"),
+    ("1;2:1A", "1;1:3A"),
+    ("3~", "3;1:3~"),
+    ("13u", "13;1:3u"),
+]
+
+
+@pytest.mark.parametrize(("press", "release"), PAIRS)
+def test_a_release_has_its_press_whatever_modifiers_were_pressed_since_then(press: str, release: str) -> None:
+    decoder = KeyDecoder()
+    decoder.tells_releases = True
+    decoder.feed(f"\x1b[{press}\x1b[{press}".encode())
+    assert len(decoder.feed(f"\x1b[{release}".encode())) == 1
+    assert KeyEvent(UNPRESSED) in decoder.feed(f"\x1b[{release}".encode())
+
+
+def test_the_presses_of_a_terminal_without_releases_fill_no_memory() -> None:
+    decoder = KeyDecoder()
+    for code in range(1000, 3000):
+        decoder.feed(f"\x1b[{code}u".encode())
+    assert len(decoder._down) == MAX_DOWN  # pyright: ignore[reportPrivateUsage]
+
+
 # --- what no person typed
 
 
@@ -370,7 +487,7 @@ STRING_REPLIES = [
 """Replies that another program asked for: a colour, the terminal's name, a picture."""
 
 
-@pytest.mark.parametrize("gap_s", [0.0, PAUSE_S, REPLY_PAUSE_S / 2.5])
+@pytest.mark.parametrize("gap_s", [0.0, 0.15, 0.4 * PAUSE_S])
 @pytest.mark.parametrize("reply", STRING_REPLIES, ids=repr)
 def test_no_part_of_a_reply_to_another_program_is_a_key_however_a_slow_link_cuts_it(
     reply: bytes, gap_s: float
@@ -382,11 +499,11 @@ def test_a_key_counts_just_after_the_pause_that_ends_a_reply() -> None:
     typed, reply, key = TypedKeys(), [KeyEvent(REPLY)], [KeyEvent("w")]
     assert typed.take(reply, 0.0) == reply
     assert typed.take([KeyEvent(UNKNOWN)], 0.5) == reply
-    assert typed.take(key, 0.5 + REPLY_PAUSE_S) == reply
-    assert typed.take(key, math.nextafter(0.5 + 2 * REPLY_PAUSE_S, 3.0)) == key
+    assert typed.take(key, 0.5 + PAUSE_S) == reply
+    assert typed.take(key, math.nextafter(0.5 + 2 * PAUSE_S, 3.0)) == key
 
 
-@pytest.mark.parametrize("gap_s", [0.0, PAUSE_S / 3])
+@pytest.mark.parametrize("gap_s", [0.0, 0.15, PAUSE_S / 3])
 @pytest.mark.parametrize(
     "report",
     [b"\x1b[Maw2", b"\x1b[[A", b"\x1bO5D", b"\x1b[<0;87;18M"],
@@ -402,7 +519,13 @@ def test_a_key_counts_just_after_the_pause_that_ends_an_unknown_sequence() -> No
     assert typed.take([], PAUSE_S) == []
     assert typed.take(key, PAUSE_S) == unknown
     assert typed.take(key, 2 * PAUSE_S) == unknown
-    assert typed.take(key, math.nextafter(3 * PAUSE_S, 1.0)) == key
+    assert typed.take(key, math.nextafter(3 * PAUSE_S, 4.0)) == key
+
+
+@pytest.mark.parametrize("mark", [b"\x1b[200~", b"\x1b[0200~", b"\x1b[200;1~"])
+@pytest.mark.parametrize("gap_s", [0.0, 0.02, 0.14 * PAUSE_S])
+def test_pasted_text_that_contains_its_own_end_is_pasted_to_its_last_byte(mark: bytes, gap_s: float) -> None:
+    assert set(typed_apart(mark + b"ls\x1b[201~www\x1b[201~ww", gap_s)) == {PASTED}
 
 
 def test_the_end_of_pasted_text_that_is_read_later_is_no_key() -> None:
