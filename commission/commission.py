@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import NoReturn
 
 from commission import plan, timing
-from commission.driver import AbortedError, Driver, SurpriseError
+from commission.driver import LEARN_S, WALL_LOST, AbortedError, Driver, SurpriseError
 from commission.estimate import of_repeats
 from commission.findings import Findings, report, results
 from commission.measured import TableError, check_place, with_results
-from commission.mounting import Mistake, forward_mistakes, turn_mistakes
+from commission.mounting import Mistake, forward_mistakes, is_moved, rest_mistakes, turn_mistakes
 from commission.person import Person, TerminalPerson
 from commission.trace import Driven
 from commission.wall import Wall
@@ -37,7 +37,7 @@ from wire.zenoh.hub_proof import HubProof
 EXIT_ABORTED, EXIT_INTERRUPTED = 1, 130
 REST_S = 3.0
 NO_WALL = "no flat wall of at least 1 m is seen: move the robot, or choose another wall"
-OTHER_WAY = ". If the robot moved the other way, correct the sign in its driver or its wiring"
+UNRESPONSIVE = f"STOPPED: {StopReason.BASE_UNRESPONSIVE}"
 FIND_S = 0.5
 """Time in which the lidar must show a wall."""
 
@@ -160,6 +160,8 @@ class Conductor:
         self._found = Findings()
         self._there_m = 0.0
         """Distance of the last straight drive, by odometry."""
+        self._is_stopped = False
+        """Whether an expected stop of the supervisor has ended the last drive."""
         self._base = plan.Base(
             config.base_acceleration_m_s2,
             min(plan.POOR_DECELERATION_M_S2, config.deceleration_m_s2),
@@ -196,17 +198,30 @@ class Conductor:
             raise AbortedError(str(error)) from error
         await self._check_wall()
         await self._rest()
-        await self._step(plan.AHEAD, is_first=True)
-        is_ahead = await self._seen("Did the robot drive ahead, toward the wall?", "ahead", "back")
-        _end_at(forward_mistakes(self._found.straights[-1], seen_ahead=is_ahead))
-        await self._step(plan.LEFT, is_first=True)
-        is_left = await self._seen("Which way did the robot turn, seen from above?", "left", "right")
-        _end_at(turn_mistakes(self._found.turns[-1], seen_left=is_left))
+        await self._first(plan.AHEAD, self._judge_ahead)
+        await self._first(plan.LEFT, self._judge_left)
         await self._step(plan.HEADINGS)
         for speed_m_s in plan.speeds(min(self._config.max_linear_m_s, UNMEASURED_M_S)):
             if not await self._step(plan.stops(speed_m_s, self._base)):
                 break
         await self._step(plan.ESTOP)
+
+    async def _first(self, step: plan.Step, judge: Callable[[], Awaitable[None]]) -> None:
+        """Drive a step whose signs are unknown until it ends as planned, and judge the signs after each drive."""
+        while True:
+            await self._step(step, is_first=True)
+            await judge()
+            if not self._is_stopped:
+                return
+            self._say(f"step {step.name}: {UNRESPONSIVE}")
+
+    async def _judge_ahead(self) -> None:
+        is_ahead = await self._seen("Did the robot drive ahead, toward the wall?", "ahead", "back")
+        _end_at(forward_mistakes(self._found.straights[-1], seen_ahead=is_ahead))
+
+    async def _judge_left(self) -> None:
+        is_left = await self._seen("Which way did the robot turn, seen from above?", "left", "right")
+        _end_at(turn_mistakes(self._found.turns[-1], seen_left=is_left))
 
     async def _find_wall(self) -> Wall | None:
         """Find the nearest wall anew; return None if there is none."""
@@ -245,6 +260,11 @@ class Conductor:
         gaps_s = [b - a for a, b in itertools.pairwise(arrivals)]
         self._found.period, self._found.longest_s = of_repeats(gaps_s), max(gaps_s, default=math.nan)
         self._found.noise = timing.noise(trace.same_beams())
+        before = trace.between(start_s, start_s + LEARN_S).mean_wall()
+        after = trace.between(trace.scans[-1].at_s - LEARN_S, math.inf).mean_wall() if trace.scans else None
+        if before is None or after is None:
+            raise AbortedError(WALL_LOST)
+        _end_at(rest_mistakes(before, after))
 
     async def _step(self, step: plan.Step, *, is_first: bool = False) -> bool:
         """Drive a step, confirmed and again after a surprise; return whether it was driven."""
@@ -257,8 +277,7 @@ class Conductor:
                     for drive in step.drives:
                         await self._drive(drive, is_first=is_first, until_estop=step is plan.ESTOP)
                 except SurpriseError as error:
-                    hint = OTHER_WAY if is_first and StopReason.BASE_UNRESPONSIVE in str(error) else ""
-                    problem = f"{error}{hint}"
+                    problem = str(error)
                 else:
                     return True
             self._say(f"step {step.name}: {problem}")
@@ -302,6 +321,9 @@ class Conductor:
         driven = await self._driver.drive(
             drive.back(self._there_m), self._base, is_first=is_first, until_estop=until_estop
         )
+        self._is_stopped = driven.is_stopped
+        if is_first and driven.is_stopped and not is_moved(driven.before, driven.after):
+            raise SurpriseError(UNRESPONSIVE)
         motion = driven.motion(is_turn=bool(drive.turn_rad))
         if until_estop:
             self._keep_estop(driven)

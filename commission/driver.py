@@ -237,7 +237,8 @@ class Driver:
         Args:
             drive: the motion.
             base: what is assumed of the base.
-            is_first: whether the signs of base, odometry and lidar are still unknown: then no direction is a surprise.
+            is_first: whether the signs of base, odometry and lidar are still unknown: then no direction is a surprise, and
+                the supervisor may take a wrong sign for a base that does not respond.
             until_estop: whether an e-stop is expected.
 
         Raises:
@@ -250,7 +251,11 @@ class Driver:
         if drive.way_m > 0.0 and gap_m < (needs_m := drive.needs_m(base)):
             raise SurpriseError(f"the drive needs {needs_m:.2f} m, and the wall is {gap_m:.2f} m away")
         watch = Watch(drive, base, start, before, gap_m, started_s, is_first=is_first)
-        expected = StopReason.ESTOP if until_estop else StopReason.SCAN_BLIND if drive.way_m < 0.0 else None
+        expected = StopReason.SCAN_BLIND if drive.way_m < 0.0 else None
+        if until_estop:
+            expected = StopReason.ESTOP
+        elif is_first:  # of a wrong sign, which the motion until then shows
+            expected = StopReason.BASE_UNRESPONSIVE
         is_stopped = False
         forward, turn = math.copysign(drive.speed, drive.way_m), math.copysign(drive.speed, drive.turn_rad)
         self._velocity = Velocity(0.0, turn) if drive.turn_rad else Velocity(forward, 0.0)

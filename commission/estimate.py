@@ -35,6 +35,10 @@ class Estimate(NamedTuple):
         """Return the end of the interval that is farther from a reference."""
         return self.low if abs(self.low - reference) > abs(self.high - reference) else self.high
 
+    def with_errors(self, *u95s: float) -> "Estimate":
+        """Return the estimate with the half widths of further, independent errors."""
+        return self._replace(u95=math.hypot(self.u95, *u95s))
+
     @property
     def is_determined(self) -> bool:
         return math.isfinite(self.value) and math.isfinite(self.u95)

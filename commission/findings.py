@@ -1,13 +1,14 @@
 """Collects what the drives show, and computes the results for `[measured]` and their report."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from commission import plan, timing
-from commission.estimate import UNKNOWN, Estimate, of_repeats
-from commission.measured import Result
+from commission.estimate import UNKNOWN, Estimate, Floats, of_repeats
+from commission.measured import DIGITS, Result
 from commission.mounting import Motion, heading, turn_scale
-from commission.stopping import Stop, brakes, by_the_law, stop_of
+from commission.stopping import Stop, brakes, by_the_law, steady_scale, steady_speeds, stop_of
 from commission.trace import Driven
 from supervisor.config import NamedLidarSection, SupervisorSection
 from wire.standstill import STILL_M_S
@@ -28,29 +29,47 @@ class Findings:
 
     def latency(self) -> Estimate:
         """Return the latency of the scans by odometry, from the stops."""
-        found: list[float] = []
+        found: list[tuple[float, float]] = []
         for one in self.driven:
             odometry, walls = one.trace.toward(one.start), one.trace.walls()
-            found.append(timing.latency(walls[:, 0], walls[:, 1], odometry[:, 0], odometry[:, 1]))
-        return of_repeats([latency_s for latency_s in found if math.isfinite(latency_s)])
+            latency_s = timing.latency(walls[:, 0], walls[:, 1], odometry[:, 0], odometry[:, 1])
+            if math.isfinite(latency_s):
+                found.append((one.speed, latency_s))
+        return timing.latency_of(*zip(*found, strict=True)) if found else UNKNOWN
+
+    def steady_scale(self, latency_s: float, yaw_rad: float) -> Estimate:
+        """Return the true speed divided by that of odometry, before the stops.
+
+        Args:
+            latency_s: of the scans.
+            yaw_rad: of the lidar.
+        """
+        found = (
+            steady_speeds(one.stopped_s, odometry, walls, latency_s)
+            for one, odometry, walls in self._toward_wall(yaw_rad)
+        )
+        return steady_scale([speeds for speeds in found if speeds is not None])
 
     def stops(self, scale: float, latency_s: float, yaw_rad: float) -> list[Stop]:
         """Return the stops, measured at the wall.
 
         Args:
-            scale: true distance divided by distance of odometry.
+            scale: true speed divided by speed of odometry.
             latency_s: of the scans.
             yaw_rad: of the lidar.
         """
-        found: list[Stop] = []
+        found = (
+            stop_of(one.stopped_s, one.rest_s, odometry, walls, scale=scale, latency_s=latency_s)
+            for one, odometry, walls in self._toward_wall(yaw_rad)
+        )
+        return [stop for stop in found if stop is not None]
+
+    def _toward_wall(self, yaw_rad: float) -> Iterator[tuple[Driven, Floats, Floats]]:
+        """Yield each drive with a stop, its odometry, and its distances to the wall along its heading."""
         for one in self.driven:
             walls = one.trace.walls()
             walls[:, 1] /= math.cos(one.before.bearing_rad + yaw_rad)  # the robot does not face it exactly
-            odometry = one.trace.toward(one.start)
-            stop = stop_of(one.stopped_s, one.rest_s, odometry, walls, scale=scale, latency_s=latency_s)
-            if stop is not None:
-                found.append(stop)
-        return found
+            yield one, one.trace.toward(one.start), walls
 
     def by_the_law(self) -> Estimate:
         """Return the deceleration that the safety law itself measures in the same stops, by odometry."""
@@ -65,12 +84,16 @@ def results(found: Findings, lidar: NamedLidarSection) -> list[Result]:
     """Return the results for `[measured]`, each with its limit on the unsafe side."""
     direction, turning, latency = heading(found.straights), turn_scale(found.turns), found.latency()
     own, yaw = ("lidars", lidar.name), direction.yaw_rad
-    stops = found.stops(
-        direction.scale.value if direction.scale.is_determined else 1.0,
-        max(0.0, latency.value) if latency.is_determined else 0.0,
-        yaw.value if yaw.is_determined else lidar.yaw_rad,
-    )
-    base = brakes(stops)
+    yaw_rad = yaw.value if yaw.is_determined else lidar.yaw_rad
+    late = latency if latency.is_determined else Estimate(0.0, 0.0, 0)
+    late_s = max(0.0, late.value)
+    scale = direction.scale if direction.scale.is_determined else Estimate(1.0, 0.0, 0)
+    steady = found.steady_scale(late_s, yaw_rad)
+    if abs(steady.value - scale.value) > math.hypot(
+        steady.u95, scale.u95
+    ):  # wheels that slip at starts and stops
+        scale = steady
+    base = brakes(found.stops(scale.value, late_s, yaw_rad), scale.u95 / abs(scale.value), late.u95)
     if yaw.is_determined:  # written near the configured value, not a full turn away
         near_rad = lidar.yaw_rad + math.remainder(yaw.value - lidar.yaw_rad, math.tau)
         yaw = yaw._replace(value=near_rad)
@@ -89,7 +112,7 @@ def results(found: Findings, lidar: NamedLidarSection) -> list[Result]:
         Result(("turn_scale",), turning, turning.far_from(1.0), "turns before a wall"),
         Result(
             ("estop_s",),
-            Estimate(found.estop_s, math.inf, 1),
+            Estimate(found.estop_s, math.inf, int(math.isfinite(found.estop_s))),
             None,
             f"e-stop at {plan.SLOW_M_S:g} m/s: zero command to standstill",
         ),
@@ -113,7 +136,7 @@ def report(found: list[Result], findings: Findings, config: SupervisorSection) -
             lines.append(f"{name} = {estimate.value:.4g} (one trial): {result.how}")
         else:
             lines.append(
-                f"{name} = {estimate.value:.4g} ± {estimate.u95:.2g} (limit {result.limit:.4g}, n = {estimate.n}): {result.how}"
+                f"{name} = {estimate.value:.{DIGITS}g} ± {estimate.u95:.2g} (limit {result.limit:.{DIGITS}g}, n = {estimate.n}): {result.how}"
             )
     by_law = findings.by_the_law()
     if by_law.n:

@@ -12,7 +12,8 @@ from wire.foreign import from_toml
 from wire.host.config import ConfigError, section
 
 SECTION = "measured"
-DIGITS = 4
+DIGITS = 5
+"""With fewer, rounding would be larger than the uncertainty of a scale."""
 
 
 class Result(NamedTuple):

@@ -27,8 +27,15 @@ from commission.wall import Wall
 LEAST_M = 0.1
 LEAST_RAD = 0.3
 """A shorter drive or turn is not judged."""
+MOVED_M, MOVED_RAD = 0.01, 0.03
+"""A smaller change of the wall does not show a motion."""
 SPEED_SHARE = 0.1
 """How much the integral of odometry's velocity may differ from the change of its pose."""
+SCALE_SHARE = 0.35
+"""How much the motion by the wall may differ from that by odometry; the heading of the first drive explains 13 %.
+
+The drives end by odometry. If it shows much less than the true motion, the next ones come too close to the wall.
+"""
 
 
 class Motion(NamedTuple):
@@ -59,6 +66,12 @@ class Motion(NamedTuple):
 def turn_between(before: Wall, after: Wall) -> float:
     """Return the change of a wall's bearing, in [-π, π]."""
     return math.remainder(after.bearing_rad - before.bearing_rad, math.tau)
+
+
+def is_moved(before: Wall, after: Wall) -> bool:
+    """Return whether a wall shows that the robot has moved."""
+    is_nearer = abs(before.distance_m - after.distance_m) >= MOVED_M
+    return is_nearer or abs(turn_between(before, after)) >= MOVED_RAD
 
 
 class Heading(NamedTuple):
@@ -96,15 +109,27 @@ def turn_scale(turns: Sequence[Motion]) -> Estimate:
 class Mistake(StrEnum):
     """A wrong sign or mount; the value is the sentence for the person."""
 
+    BASE_DRIFTS = (
+        "the robot moves although zero is commanded: switch it off, and correct the zero of its drives"
+    )
     BASE_BACKWARDS = (
         "the base drives backwards when it is commanded ahead: correct the sign in its driver or its wiring"
     )
     BASE_TURNS_BACK = "the base turns right when it is commanded to turn left: correct the sign in its driver or swap its motors"
     ODOMETRY_BACKWARDS = "odometry has the wrong forward sign: correct it in the base's driver"
     ODOMETRY_TURNS_BACK = "odometry has the wrong turn sign: correct it in the base's driver"
+    ODOMETRY_DISTANCE = "the distance by odometry is not that by the wall: correct the radius of the wheels or their gear ratio in the base's driver"
+    ODOMETRY_TURN = (
+        "the turn by odometry is not that by the wall: correct the track width in the base's driver"
+    )
     ODOMETRY_SPEED = "the velocity of odometry is not that of its poses: correct it in the base's driver"
     LIDAR_TURNED = "the surface ahead, by the lidar's mount, is not ahead of the robot: correct yaw_rad, by π for example"
     LIDAR_MIRRORED = "the lidar is mirrored: change flip in its table"
+
+
+def rest_mistakes(before: Wall, after: Wall) -> frozenset[Mistake]:
+    """Return what is wrong after a rest, from the wall at its begin and its end."""
+    return frozenset({Mistake.BASE_DRIFTS}) if is_moved(before, after) else frozenset()
 
 
 def forward_mistakes(drive: Motion, *, seen_ahead: bool) -> frozenset[Mistake]:
@@ -114,8 +139,13 @@ def forward_mistakes(drive: Motion, *, seen_ahead: bool) -> frozenset[Mistake]:
         drive: the drive.
         seen_ahead: whether a person saw the robot drive ahead.
     """
-    signs = (Mistake.BASE_BACKWARDS, Mistake.ODOMETRY_BACKWARDS, Mistake.LIDAR_TURNED)
-    return _mistakes(drive, drive.nearer_m, signs, as_commanded=seen_ahead)
+    kinds = (
+        Mistake.BASE_BACKWARDS,
+        Mistake.ODOMETRY_BACKWARDS,
+        Mistake.ODOMETRY_DISTANCE,
+        Mistake.LIDAR_TURNED,
+    )
+    return _mistakes(drive, drive.nearer_m, kinds, as_commanded=seen_ahead)
 
 
 def turn_mistakes(turn: Motion, *, seen_left: bool) -> frozenset[Mistake]:
@@ -125,17 +155,23 @@ def turn_mistakes(turn: Motion, *, seen_left: bool) -> frozenset[Mistake]:
         turn: the turn.
         seen_left: whether a person saw the robot turn left.
     """
-    signs = (Mistake.BASE_TURNS_BACK, Mistake.ODOMETRY_TURNS_BACK, Mistake.LIDAR_MIRRORED)
-    return _mistakes(turn, -turn_between(turn.before, turn.after), signs, as_commanded=seen_left)
+    kinds = (
+        Mistake.BASE_TURNS_BACK,
+        Mistake.ODOMETRY_TURNS_BACK,
+        Mistake.ODOMETRY_TURN,
+        Mistake.LIDAR_MIRRORED,
+    )
+    return _mistakes(turn, -turn_between(turn.before, turn.after), kinds, as_commanded=seen_left)
 
 
 def _mistakes(
-    motion: Motion, by_lidar: float, signs: tuple[Mistake, Mistake, Mistake], *, as_commanded: bool
+    motion: Motion, by_lidar: float, kinds: tuple[Mistake, Mistake, Mistake, Mistake], *, as_commanded: bool
 ) -> frozenset[Mistake]:
-    base, odometry, lidar = signs
+    base, odometry, scale, lidar = kinds
     found = {
         base: not as_commanded,
         odometry: (motion.odometry > 0.0) is not as_commanded,
+        scale: not abs(abs(by_lidar) - abs(motion.odometry)) <= SCALE_SHARE * abs(motion.odometry),
         Mistake.ODOMETRY_SPEED: motion.speed_disagrees,
         lidar: (by_lidar > 0.0) is not as_commanded,
     }

@@ -1,10 +1,11 @@
 """The dead time and the deceleration of the base, from stops before the wall at several speeds.
 
-A base that keeps its speed v for the dead time D, and then brakes with a, drives x = v·D + v²/2a after zero is commanded:
+A base that keeps its speed v for the dead time D, and then brakes with a, drives after zero is commanded
 
-    x / v = D + v / 2a
+    x = v·D + v²/2a
 
-is a line through the stops. The distance x is measured at the wall, so it includes the slip of the wheels, which odometry hides.
+which is fitted to the stops. The distance x is measured at the wall, so it includes the slip of the wheels, which odometry hides.
+The error of x hardly depends on the speed. A line through x/v would weight the slow stops too much, and state too small intervals.
 """
 
 import math
@@ -22,6 +23,7 @@ UNSTEADY_SHARE = 0.1
 REST_S = 0.3
 LEAST_STOPS = 4
 LEAST_SPEED_M_S = 0.08
+LEAST_SCANS = 2
 
 
 class Stop(NamedTuple):
@@ -73,6 +75,40 @@ def stop_of(
     return Stop(speed_m_s, way_m, scale * (float(after[:, 1].mean()) - driven_m))
 
 
+def steady_speeds(
+    stopped_s: float, odometry: Floats, walls: Floats, latency_s: float = 0.0
+) -> tuple[float, float] | None:
+    """Return the speed before a stop by the poses of odometry and by the wall [m/s]; None without enough scans.
+
+    Args:
+        stopped_s: when zero was commanded.
+        odometry: as for `stop_of`.
+        walls: as for `stop_of`.
+        latency_s: latency of the scans.
+    """
+    seen_s = walls[:, 0] - latency_s
+    before = (odometry[:, 0] > stopped_s - STEADY_S) & (odometry[:, 0] <= stopped_s)
+    walls_before = (seen_s > stopped_s - STEADY_S) & (seen_s <= stopped_s)
+    if min(np.count_nonzero(before), np.count_nonzero(walls_before)) < LEAST_SCANS:
+        return None
+    by_odometry = np.polyfit(odometry[before, 0] - stopped_s, odometry[before, 1], 1)
+    by_wall = np.polyfit(seen_s[walls_before] - stopped_s, walls[walls_before, 1], 1)
+    return float(by_odometry[0]), -float(by_wall[0])
+
+
+def steady_scale(speeds_m_s: Sequence[tuple[float, float]]) -> Estimate:
+    """Return the true speed divided by that of odometry while the robot drives steadily, without the slip of starts and stops.
+
+    Args:
+        speeds_m_s: the results of `steady_speeds`.
+    """
+    if not speeds_m_s:
+        return UNKNOWN
+    by_odometry, by_wall = np.array(speeds_m_s).T
+    fit = least_squares(by_odometry[:, None], by_wall)
+    return fit.estimate(float(fit.parameters[0]), np.array([1.0]))
+
+
 class Brakes(NamedTuple):
     """What stops show."""
 
@@ -82,23 +118,33 @@ class Brakes(NamedTuple):
     """Share of the stopping distance that odometry does not show."""
 
 
-def brakes(stops: Sequence[Stop]) -> Brakes:
-    """Return dead time and deceleration from at least `LEAST_STOPS` stops at two or more speeds."""
+def brakes(stops: Sequence[Stop], scale_u95: float = 0.0, latency_u95_s: float = 0.0) -> Brakes:
+    """Return dead time and deceleration from at least `LEAST_STOPS` stops at two or more speeds.
+
+    Args:
+        stops: the stops.
+        scale_u95: the uncertainty of the scale that the stops were computed with, as a share of it.
+        latency_u95_s: the same of the latency.
+    """
     if len(stops) < LEAST_STOPS:
         return Brakes(UNKNOWN, UNKNOWN, UNKNOWN)
     speeds = np.array([stop.speed_m_s for stop in stops])
     ways = np.array([stop.way_m for stop in stops])
-    line = least_squares(np.stack((np.ones_like(speeds), speeds), axis=1), ways / speeds)
-    dead_s, slope = line.parameters.tolist()
-    dead = line.estimate(dead_s, np.array([1.0, 0.0]))
-    rise = line.estimate(slope, np.array([0.0, 1.0]))
+    fit = least_squares(np.stack((speeds, speeds**2), axis=1), ways)
+    dead_s, rise = fit.parameters.tolist()
+    dead = fit.estimate(dead_s, np.array([1.0, 0.0])).with_errors(latency_u95_s, 0.5 * STEADY_S * scale_u95)
+    half_inverse = fit.estimate(rise, np.array([0.0, 1.0]))
     shares = least_squares(ways[:, None], np.array([stop.odometry_m for stop in stops]))
-    slip = shares.estimate(1.0 - float(shares.parameters[0]), np.array([1.0]))
-    if slope <= 0.0 or rise.low <= 0.0:
+    per_s = float(speeds @ ways) / float(ways @ ways)
+    slip = shares.estimate(1.0 - float(shares.parameters[0]), np.array([1.0])).with_errors(
+        latency_u95_s * per_s, scale_u95 * (1.0 + 0.5 * STEADY_S * per_s)
+    )
+    if half_inverse.low <= 0.0:
         return Brakes(dead, UNKNOWN._replace(n=len(stops)), slip)
-    value = 1.0 / (2.0 * slope)
-    # The lower end is exact: the weakest brakes that the line permits.
-    return Brakes(dead, Estimate(value, value - 1.0 / (2.0 * rise.high), len(stops)), slip)
+    value = 1.0 / (2.0 * rise)
+    # The lower end is exact: the weakest brakes that the fit permits.
+    weakest = Estimate(value, value - 1.0 / (2.0 * half_inverse.high), len(stops))
+    return Brakes(dead, weakest.with_errors(2.0 * value * scale_u95), slip)
 
 
 def by_the_law(stopped_s: float, odometry: Floats, commanded_m_s: float, standing_m_s: float) -> float:

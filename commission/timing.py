@@ -1,10 +1,11 @@
 """The noise and the latency of a lidar."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from commission.estimate import UNKNOWN, Estimate, Floats, least_squares
+from commission.estimate import UNKNOWN, Estimate, Floats, least_squares, of_repeats
 
 LEAST_SCANS = 10
 STEP_S = 0.005
@@ -67,3 +68,22 @@ def latency(scans_s: Floats, distances_m: Floats, odometry_s: Floats, ways_m: Fl
     # The lowest point of the parabola through the best delay and its neighbours.
     before, at, after = misfits[best - 1 : best + 2]
     return float(DELAYS_S[best]) + 0.5 * STEP_S * (before - after) / (before - 2.0 * at + after)
+
+
+def latency_of(speeds_m_s: Sequence[float], latencies_s: Sequence[float]) -> Estimate:
+    """Return the latency from drives at several speeds.
+
+    If the wheels slip while the speed changes, the wall also follows odometry late: the more, the faster the robot is. If the
+    drives show that, the latency is their value at speed zero.
+
+    Args:
+        speeds_m_s: (n,) speeds of the drives.
+        latencies_s: (n,) the result of `latency` of each; not NaN.
+    """
+    speeds = np.array(speeds_m_s)
+    line = least_squares(np.stack((np.ones_like(speeds), speeds), axis=1), np.array(latencies_s))
+    at_zero_s, rise = line.parameters.tolist()
+    if line.estimate(rise, np.array([0.0, 1.0])).low > 0.0:
+        # No scan shows a motion before it begins: a negative value is an error of the line.
+        return line.estimate(at_zero_s, np.array([1.0, 0.0])).with_errors(min(0.0, at_zero_s))
+    return of_repeats(latencies_s)

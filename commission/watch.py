@@ -2,7 +2,7 @@
 
 import math
 
-from commission.mounting import turn_between
+from commission.mounting import MOVED_M, MOVED_RAD, turn_between
 from commission.plan import Base, Drive
 from commission.trace import Odom, ahead_m
 from commission.wall import Wall
@@ -10,7 +10,6 @@ from teleop.path.course import Pose, wrap
 
 START_S = 1.5
 """A robot that has not moved this long after its first command does not move."""
-START_M, START_RAD = 0.01, 0.03
 WRONG_WAY_M = 0.08
 WRONG_WAY_RAD = 0.15
 NEARER_M = 0.1
@@ -80,9 +79,9 @@ class Watch:
             if not is_turn and nearer_m * math.copysign(1.0, self._drive.way_m) < -WRONG_WAY_M:
                 return "the wall shows a motion in the other direction"
         if now_s - self._started_s > START_S:
-            by_odometry = abs(done) >= (START_RAD if is_turn else START_M)
+            by_odometry = abs(done) >= (MOVED_RAD if is_turn else MOVED_M)
             moved = abs(turn_between(self._before, wall)) if is_turn else abs(nearer_m)
-            by_wall = moved >= (START_RAD if is_turn else START_M)
+            by_wall = moved >= (MOVED_RAD if is_turn else MOVED_M)
             if not by_odometry:
                 return (
                     "the wall shows a motion, and odometry does not"

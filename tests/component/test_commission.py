@@ -39,9 +39,9 @@ ANSWERS = {
 
 
 class ForeignPlant(Plant):
-    """A robot whose base obeys late, or in the wrong direction."""
+    """A robot whose base obeys late, or in the wrong direction, or drives a little too fast."""
 
-    dead_s = 0.0
+    dead_s = drift_m_s = 0.0
     forward = turn = 1.0
 
     def __init__(self, hall: Path, sim: SimSection) -> None:
@@ -52,7 +52,8 @@ class ForeignPlant(Plant):
         self._late.append(twist_target)
         is_late = len(self._late) > round(self.dead_s / self.timestep_s)
         linear_m_s, angular_rad_s = self._late.popleft() if is_late else (0.0, 0.0)
-        super().step((self.forward * linear_m_s, self.turn * angular_rad_s), n_steps)
+        twist = self.forward * linear_m_s + self.drift_m_s, self.turn * angular_rad_s
+        super().step(twist, n_steps)
 
 
 @dataclass
@@ -218,12 +219,8 @@ async def test_the_yaw_of_a_lidar_that_looks_elsewhere_than_configured_is_measur
     ("base", "answers", "flip", "sentence"),
     [
         ({"forward": -1.0}, {"Type ahead or back": "back"}, False, "the base drives backwards"),
-        (
-            {"turn": -1.0},
-            {"Type left or right": "right"},
-            False,
-            "If the robot moved the other way, correct the sign",
-        ),
+        ({"turn": -1.0}, {"Type left or right": "right"}, False, "the base turns right"),
+        ({"drift_m_s": 0.01}, {}, False, "the robot moves although zero is commanded"),
         ({}, {}, True, "the lidar is mirrored: change flip"),
     ],
 )
@@ -235,7 +232,7 @@ async def test_a_wrong_sign_or_a_mirrored_lidar_ends_it_with_what_to_correct(
         assert await drive.run() == EXIT_ABORTED
         assert sentence in drive.person.said[-1]
         await drive.rig.pass_time(1.0)
-        assert abs(drive.plant.true_velocity.linear_m_s) < 0.005
+        assert abs(drive.plant.true_velocity.linear_m_s) < 0.005 + base.get("drift_m_s", 0.0)
     assert "measured" not in drive.file.read_text()
 
 
@@ -330,18 +327,52 @@ async def test_a_file_that_became_unusable_during_the_drives_may_be_corrected_an
     assert drive.value("lidars", "lidar", "noise_m") == pytest.approx(0.004, rel=0.05)
 
 
-async def test_odometry_whose_velocity_is_not_that_of_its_poses_ends_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def too_fast(message: Odometry) -> None:
+    message.twist.twist.linear.x *= 1.2
+
+
+def too_short(message: Odometry) -> None:
+    message.pose.pose.position.x *= 0.5
+    message.twist.twist.linear.x *= 0.5
+
+
+def turned_back(message: Odometry) -> None:
+    message.pose.pose.orientation.z *= -1.0
+    message.twist.twist.angular.z *= -1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "mistake"),
+    [
+        (too_fast, Mistake.ODOMETRY_SPEED),
+        (too_short, Mistake.ODOMETRY_DISTANCE),
+        (turned_back, Mistake.ODOMETRY_TURNS_BACK),
+    ],
+)
+async def test_wrong_odometry_ends_it_with_what_to_correct(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: Callable[[Odometry], None], mistake: Mistake
 ) -> None:
-    def too_fast(reckoning: Reckoning) -> Odometry:
+    def wrong(reckoning: Reckoning) -> Odometry:
         message = to_odometry(reckoning)
-        message.twist.twist.linear.x *= 1.2
+        change(message)
         return message
 
-    monkeypatch.setattr(service, "to_odometry", too_fast)
+    monkeypatch.setattr(service, "to_odometry", wrong)
     async with first_drive(tmp_path, SIM, CONFIG) as drive:
         assert await drive.run() == EXIT_ABORTED
-        assert Mistake.ODOMETRY_SPEED in drive.person.said[-1]
+        assert drive.person.said[-1] == f"aborted: {mistake}. Nothing was written"
+
+
+async def test_a_base_that_does_not_follow_may_make_the_first_turn_again(tmp_path: Path) -> None:
+    answers = {**ANSWERS, "Type again for this step": "again"}
+    async with first_drive(tmp_path, SIM, CONFIG, answers, turn=0.0) as drive:
+        running = asyncio.create_task(drive.run())
+        await until(drive, running, lambda: drive.has_said("step left: "))
+        assert drive.has_said("step left: STOPPED: BASE_UNRESPONSIVE")
+        drive.plant.turn = 1.0
+        await until(drive, running, lambda: drive.has_said("Step headings"))
+        drive.stop.set()
+        await running
 
 
 async def test_a_person_who_does_not_confirm_ends_it_before_the_robot_moves(tmp_path: Path) -> None:

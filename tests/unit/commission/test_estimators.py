@@ -14,13 +14,14 @@ from commission.mounting import (
     Motion,
     forward_mistakes,
     heading,
+    rest_mistakes,
     turn_mistakes,
     turn_scale,
 )
-from commission.stopping import LEAST_STOPS, Stop, brakes, by_the_law, stop_of
+from commission.stopping import LEAST_STOPS, Stop, brakes, by_the_law, steady_scale, steady_speeds, stop_of
 from commission.wall import Wall, follow, nearest_wall
 from supervisor.law.reckoning import Pose
-from tests.unit.commission.truth import WALL_M, Lidar, run
+from tests.unit.commission.truth import WALL_M, Lidar, Run, run
 
 SEEDS = st.integers(0, 10_000)
 
@@ -266,6 +267,35 @@ def test_odometry_whose_velocity_is_not_that_of_its_poses_is_a_mistake(
     assert turn_mistakes(turn, seen_left=True) == wanted
 
 
+@pytest.mark.parametrize(
+    ("by_odometry", "is_wrong"), [(0.22, True), (0.23, False), (0.46, False), (0.47, True)]
+)
+def test_odometry_that_differs_by_more_than_a_third_from_the_wall_is_a_mistake(
+    by_odometry: float, *, is_wrong: bool
+) -> None:
+    before = wall_of(Lidar(), Pose(1.0, 0.0, 0.0))
+    drive = Motion(by_odometry, by_odometry, before, before._replace(distance_m=before.distance_m - 0.3))
+    turn = Motion(by_odometry, by_odometry, before, before._replace(bearing_rad=before.bearing_rad - 0.3))
+    assert forward_mistakes(drive, seen_ahead=True) == (
+        {Mistake.ODOMETRY_DISTANCE} if is_wrong else set[Mistake]()
+    )
+    assert turn_mistakes(turn, seen_left=True) == ({Mistake.ODOMETRY_TURN} if is_wrong else set[Mistake]())
+
+
+@pytest.mark.parametrize(
+    ("nearer_m", "turned_rad", "is_wrong"),
+    [(0.0, 0.0, False), (0.009, 0.029, False), (0.011, 0.0, True), (-0.011, 0.0, True), (0.0, -0.031, True)],
+)
+def test_a_wall_that_moves_at_rest_shows_that_the_base_drifts(
+    nearer_m: float, turned_rad: float, *, is_wrong: bool
+) -> None:
+    before = wall_of(Lidar(), Pose(1.0, 0.0, 0.0))
+    after = before._replace(
+        distance_m=before.distance_m - nearer_m, bearing_rad=before.bearing_rad + turned_rad
+    )
+    assert rest_mistakes(before, after) == ({Mistake.BASE_DRIFTS} if is_wrong else set[Mistake]())
+
+
 # --- times and noise
 
 
@@ -361,6 +391,66 @@ def test_the_lower_end_of_the_deceleration_is_nearly_always_safe() -> None:
         brakes(stops(seed, dead_s=0.1, braking_m_s2=1.0)).deceleration_m_s2.low > 1.0 for seed in range(100)
     )
     assert unsafe <= 8  # 2.5 expected
+
+
+def test_the_interval_of_the_dead_time_mostly_contains_the_truth() -> None:
+    """The error of a distance is that of the wall: it does not grow with the speed."""
+    random, speeds, hits = np.random.default_rng(0), np.repeat((0.2, 0.3, 0.4, 0.5), 2), 0
+    for _ in range(400):
+        ways = 0.1 * speeds + speeds**2 / 2.0 + 0.001 * random.standard_normal(len(speeds))
+        dead = brakes(list(map(Stop, speeds, ways, ways))).dead_time_s
+        hits += dead.low <= 0.1 <= dead.high
+    assert hits >= 372  # 380 expected
+
+
+def test_uncertain_scale_and_latency_widen_what_stops_show() -> None:
+    some = stops(0, dead_s=0.1, braking_m_s2=1.0)
+    plain, wide = brakes(some), brakes(some, scale_u95=0.1, latency_u95_s=0.05)
+    assert wide.dead_time_s == plain.dead_time_s.with_errors(0.05, 0.02)
+    assert wide.deceleration_m_s2.u95 > 0.2 * wide.deceleration_m_s2.value
+    assert wide.slip.u95 > 0.1
+
+
+def slipping(seed: int, *, latency_s: float = 0.0) -> list[Run]:
+    """Return stops of a base that brakes with 0.7 m/s² while its wheels brake with 2 m/s²."""
+    random, found = np.random.default_rng(seed), list[Run]()
+    for speed_m_s in (0.2, 0.2, 0.3, 0.3, 0.4, 0.4, 0.5, 0.5):
+        true = run(speed_m_s, random, dead_s=0.0, braking_m_s2=0.7, latency_s=latency_s)
+        wheels = run(speed_m_s, random, dead_s=0.0, braking_m_s2=2.0)
+        wheels.odometry[:, 0] += true.stopped_s - wheels.stopped_s  # both drive the same way until the stop
+        wheels.odometry[:, 1] += speed_m_s * (true.stopped_s - wheels.stopped_s)
+        end = wheels.odometry[-1:] * (0.0, 1.0, 0.0) + (true.rest_s, 0.0, 0.0)
+        found.append(true._replace(odometry=np.vstack((wheels.odometry, end - (0.2, 0.0, 0.0), end))))
+    return found
+
+
+@pytest.mark.parametrize("latency_s", [0.0, 0.1])
+def test_wheels_that_slip_in_the_stops_do_not_show_as_latency_or_as_a_wrong_speed(latency_s: float) -> None:
+    some = slipping(0, latency_s=latency_s)
+    each = [timing.latency(*one.walls.T, *one.odometry[:, :2].T) for one in some]
+    speeds = (0.2, 0.2, 0.3, 0.3, 0.4, 0.4, 0.5, 0.5)
+    assert of_repeats(each).low > latency_s  # what the mean would state
+    late = timing.latency_of(speeds, each)
+    assert late.low <= latency_s <= late.high
+    before = (steady_speeds(one.stopped_s, one.odometry, one.walls, late.value) for one in some)
+    scale = steady_scale([two for two in before if two is not None])
+    assert scale.value == pytest.approx(1.0, abs=0.03)
+
+
+def test_one_scan_before_a_stop_shows_no_speed() -> None:
+    one = run(0.3, np.random.default_rng(0), scan_hz=2.0)
+    assert steady_speeds(one.stopped_s, one.odometry, one.walls) is None
+    assert not steady_scale([]).is_determined
+
+
+def test_a_negative_latency_of_wheels_that_slip_does_not_exclude_zero() -> None:
+    found = timing.latency_of([0.2, 0.3, 0.4, 0.5], [0.02, 0.05, 0.08, 0.11])
+    assert found.value == pytest.approx(-0.04)
+    assert found.high >= 0.0
+
+
+def test_the_latency_of_drives_at_one_speed_is_their_mean() -> None:
+    assert timing.latency_of([0.2, 0.2, 0.2], [0.1, 0.11, 0.12]) == of_repeats([0.1, 0.11, 0.12])
 
 
 def test_a_robot_that_slides_farther_than_its_odometry_shows_slip() -> None:

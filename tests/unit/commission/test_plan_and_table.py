@@ -105,7 +105,7 @@ def write(text: str, *results: Result) -> str:
 def test_only_the_measured_values_of_a_file_change() -> None:
     written = write(FILE, result("deceleration_m_s2"), result("lidars", "front", "yaw_rad", value=0.01))
     measured = tomllib.loads(written)["measured"]
-    assert measured["deceleration_m_s2"]["value"] == 1.235
+    assert measured["deceleration_m_s2"]["value"] == 1.2346
     assert measured["deceleration_m_s2"]["date"] == "2026-11-27"
     assert measured["base_timeout_s"]["value"] == 0.2
     assert measured["lidars"]["front"]["yaw_rad"]["n"] == 8
