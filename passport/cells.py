@@ -23,6 +23,7 @@ class Fault(StrEnum):
     ESTOP = "estop"
     SUPERVISOR_KILLED = "supervisor-killed"
     SUPERVISOR_STOPPED = "supervisor-stopped"
+    ROS2_KILLED = "ros2-killed"
 
     @property
     def words(self) -> str:
@@ -30,8 +31,8 @@ class Fault(StrEnum):
 
     @property
     def takes_recorder(self) -> bool:
-        """Whether nothing can be recorded while it lasts, because the supervisor is the hub."""
-        return self in {Fault.SUPERVISOR_KILLED, Fault.SUPERVISOR_STOPPED}
+        """Whether nothing of the robot can be recorded while it lasts, because the recorder hears it through what is struck."""
+        return self in {Fault.SUPERVISOR_KILLED, Fault.SUPERVISOR_STOPPED, Fault.ROS2_KILLED}
 
 
 WORDS = {
@@ -44,6 +45,7 @@ WORDS = {
     Fault.ESTOP: "e-stop",
     Fault.SUPERVISOR_KILLED: "supervisor killed",
     Fault.SUPERVISOR_STOPPED: "supervisor stopped",
+    Fault.ROS2_KILLED: "process ros2 killed",
 }
 SHARES = (0.33, 0.66, 1.0)
 """Of the top speed, for the plain zero; a fault is injected at the top speed only."""
@@ -51,7 +53,6 @@ LOADS_PERCENT = (0, 100)
 NOT_TESTED = (
     "a turn on the spot",
     "the operator's link cut in one direction only",
-    "the process ros2 or its computer dead",
     "without Lifeline",
 )
 
@@ -75,15 +76,16 @@ class Plan(NamedTuple):
     speed_m_s: float
 
 
-def plans(top_m_s: float, wanted: Collection[Fault] = ()) -> Iterator[Plan]:
+def plans(top_m_s: float, wanted: Collection[Fault] = (), *, has_ros2: bool = False) -> Iterator[Plan]:
     """Yield the cells, the slowest first; those that take the recorder last.
 
     Args:
         top_m_s: the top speed.
-        wanted: only these faults; empty: all.
+        wanted: only these faults; empty: all that the robot can have.
+        has_ros2: whether it is a ROS 2 robot.
     """
     for fault in Fault:
-        if not wanted or fault in wanted:
+        if fault in wanted or (not wanted and (has_ros2 or fault is not Fault.ROS2_KILLED)):
             for share in SHARES if fault is Fault.ZERO else SHARES[-1:]:
                 yield Plan(fault, round(share * top_m_s, 3))
 

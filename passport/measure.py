@@ -40,6 +40,7 @@ from supervisor.config import NamedLidarSection, SupervisorSection
 from supervisor.measured import MeasuredLidar, MeasuredSection
 from teleop.holder import HeldError
 from teleop.pilots.config import TeleopSection
+from wire import topics
 from wire.bus import Bus
 from wire.host.config import Sections
 
@@ -151,7 +152,8 @@ class Measurement:
 
     async def _steps(self) -> None:
         top_m_s = self._robot.config.max_linear_m_s
-        plans = list(cells.plans(top_m_s, self._orders.faults))
+        has_ros2 = topics.ROS2 in self._robot.launch.nodes
+        plans = list(cells.plans(top_m_s, self._orders.faults, has_ros2=has_ros2))
         self._say(
             "The robot is driven toward a flat wall, and stopped by faults. Place it on a flat, free floor, facing the wall. Stand "
             "beside it with its own e-stop in your hand. Any key aborts a drive."
@@ -170,8 +172,8 @@ class Measurement:
             needed_m = max(cells.needs_m(one, self._base) for one in fitting)
             await self._confirm(
                 f"The robot drives {needed_m:.1f} m toward the wall at most, and back to where it stands now, {len(fitting)} cells with "
-                f"{self._orders.runs} runs each. While the supervisor is killed or stopped, only the base itself and you can stop "
-                f"it. Keep this area free, and {cells.SIDE_M:g} m beside the robot and behind it. Type go to drive.",
+                f"{self._orders.runs} runs each. While a process of Lifeline is killed or stopped, only the base itself and you can "
+                f"stop it. Keep this area free, and {cells.SIDE_M:g} m beside the robot and behind it. Type go to drive.",
                 "go",
             )
         for load_percent in self._orders.loads_percent:

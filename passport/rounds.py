@@ -30,7 +30,7 @@ TURN_RAD = 0.05
 LEAST_SHARE = 0.9
 """Of the commanded speed, at the fault."""
 STANDS_S = 0.5
-UNSEEN = {Fault.LIDAR_SILENT, Fault.ODOMETRY_SILENT, Fault.SUPERVISOR_KILLED, Fault.SUPERVISOR_STOPPED}
+UNSEEN = {Fault.LIDAR_SILENT, Fault.ODOMETRY_SILENT, *(one for one in Fault if one.takes_recorder)}
 """After these, the wall is searched for again."""
 OTHER_STOPS = {StopReason.OBSTACLE, StopReason.ESTOP}
 """A stop by one of these would be shorter than that of the fault."""
@@ -214,6 +214,8 @@ class Rounds:
         if plan.fault in UNSEEN:
             await self.all_heard()
             await self._find_wall()
+        if plan.fault is Fault.ROS2_KILLED and not self._stood(fault_s + cells.standing_s(plan, self._base)):
+            return await self._stop_it(seen)
         return await self._at_rest(plan, seen)
 
     async def _watch(self, plan: Plan, fault_s: float, watch: Watch) -> bool:
@@ -253,6 +255,11 @@ class Rounds:
     def _check_key(self) -> None:
         if (key := self._driver.key()) is not None:
             raise SurpriseError(key)
+
+    def _stood(self, at_s: float) -> bool:
+        """Return whether the first that odometry said after a time is that the robot stood."""
+        first = next(one for one in self._driver.trace.odometry if one.at_s > at_s)
+        return is_still(first.linear_m_s, first.angular_rad_s)
 
     def _stands(self) -> bool:
         """Return whether odometry, or the wall while odometry is silent, has shown a standing robot for `STANDS_S`.

@@ -162,7 +162,7 @@ async def test_the_stops_are_those_of_the_robot_and_a_complete_measurement_does_
             assert run.deceleration_m_s2 == pytest.approx(BRAKING_M_S2, rel=0.2), fault
             assert not run.slip
         refused = subject.cell(Fault.SUPERVISOR_KILLED)
-        assert refused.refused == "the process of the supervisor is not one of this computer's `lifeline up`"
+        assert refused.refused == "the process supervisor is not one of this computer's `lifeline up`"
         assert refused.runs == ()
         assert subject.record.conditions.loads == ("0 %: 5 kg",)
         assert "; at the last run, load average " in subject.record.conditions.machine_load

@@ -35,10 +35,18 @@ def value(number: float, limit: float) -> MeasuredValue:
 def test_the_plain_zero_has_three_speeds_and_each_fault_the_top_speed() -> None:
     found = list(plans(0.8))
     assert found[:3] == [Plan(Fault.ZERO, speed) for speed in (0.264, 0.528, 0.8)]
-    assert [one.fault for one in found[3:]] == [one for one in Fault if one is not Fault.ZERO]
+    others = [one for one in Fault if one not in {Fault.ZERO, Fault.ROS2_KILLED}]
+    assert [one.fault for one in found[3:]] == others
     assert {one.speed_m_s for one in found[3:]} == {0.8}
     assert [one.fault.takes_recorder for one in found] == (len(found) - 2) * [False] + 2 * [True]
     assert list(plans(0.8, [Fault.ESTOP])) == [Plan(Fault.ESTOP, 0.8)]
+
+
+def test_only_a_ros2_robot_has_the_fault_of_its_process_unless_it_is_asked_for() -> None:
+    killed = Plan(Fault.ROS2_KILLED, 0.8)
+    assert [*plans(0.8), killed] == list(plans(0.8, has_ros2=True))
+    assert list(plans(0.8, [Fault.ROS2_KILLED])) == [killed]
+    assert killed.fault.takes_recorder
 
 
 def test_each_fault_has_words_of_its_own() -> None:
