@@ -10,6 +10,7 @@ from deploy.stack.statedir import StateDir
 from passport.cells import Fault
 from passport.child import Child
 from passport.pilot import READY
+from teleop.pilots.pilot import NEUTRAL, Velocity
 from wire import topics
 from wire.bus import Bus, NoReplyError
 from wire.messages import Bool
@@ -59,9 +60,9 @@ class Operator:
         if answer != READY:
             raise InjectionError(f"the operator's program cannot drive: {answer or 'it has ended'}")
 
-    def request(self, speed_m_s: float) -> None:
+    def request(self, velocity: Velocity) -> None:
         if self._program is not None:
-            self._program.order(repr(speed_m_s))
+            self._program.order("{!r} {!r}".format(*velocity))
 
     def hit(self, fault: Fault) -> None:
         """Kill it, stop it, or cut its link."""
@@ -127,8 +128,8 @@ class Injector:
         """
         now_s = asyncio.get_running_loop().time()
         match fault:
-            case Fault.ZERO:
-                self._operator.request(0.0)
+            case Fault.ZERO | Fault.TURN:
+                self._operator.request(NEUTRAL)
             case Fault.OPERATOR_KILLED | Fault.OPERATOR_STOPPED | Fault.LINK_CUT:
                 self._operator.hit(fault)
             case Fault.SUPERVISOR_KILLED:

@@ -8,13 +8,14 @@ from pathlib import Path
 import pytest
 
 from tests.ros2.host import Host
-from tests.ros2.peers.drive import BRAKING_M_S2
+from tests.ros2.peers.drive import BRAKING_M_S2, TURN_BRAKING_RAD_S2
 from tests.system.test_passport import Site, answer
 
-TIMEOUT_S, SPEED_M_S = 0.5, 0.4
+TIMEOUT_S, SPEED_M_S, TURN_RAD_S = 0.5, 0.4, 1.5
 FILE = f"""\
 [supervisor]
 max_linear_m_s = {SPEED_M_S}
+max_angular_rad_s = {TURN_RAD_S}
 deceleration_m_s2 = 1.5
 base_timeout_s = {TIMEOUT_S}
 mounts_confirmed = true
@@ -59,10 +60,14 @@ def test_the_stops_of_a_ros2_robot_are_those_of_its_brakes_and_without_ros2_of_i
     host: Host, site: Site
 ) -> None:
     host.start("diff_drive", "--x", "2.0", "--timeout", str(TIMEOUT_S)).ready()
-    assert measure(site, "operator-killed", "ros2-killed") == 0
+    assert measure(site, "turn", "operator-killed", "ros2-killed") == 0
     record = site.record()
-    killed, alone = (cell.runs[0] for cell in record.cells)
-    assert [cell.fault for cell in record.cells] == ["operator's program killed", "process ros2 killed"]
+    assert [cell.fault for cell in record.cells] == [
+        "plain zero in a turn",
+        "operator's program killed",
+        "process ros2 killed",
+    ]
+    turn, killed, alone = (cell.runs[0] for cell in record.cells)
     assert killed.distance_m is not None
     assert alone.distance_m is not None
     assert killed.t1_s is not None
@@ -73,6 +78,10 @@ def test_the_stops_of_a_ros2_robot_are_those_of_its_brakes_and_without_ros2_of_i
     )
     print(f"\n{killed.distance_m=} {alone.distance_m=} {BRAKES_M=} {within_m=}")
     assert alone.t3_s is None
+    assert turn.t1_s is not None
+    turns_rad = TURN_RAD_S * turn.t1_s + TURN_RAD_S**2 / (2.0 * TURN_BRAKING_RAD_S2)
+    print(f"{turn.distance_m=} {turns_rad=} {turn.odometry_m=} {record.instrument.uncertainty_rad=}")
+    assert turn.distance_m == pytest.approx(turns_rad, abs=record.instrument.uncertainty_rad)
 
 
 @pytest.mark.timeout(300)

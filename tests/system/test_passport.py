@@ -187,4 +187,4 @@ def test_without_a_terminal_nothing_moves_and_it_says_why(site: Site) -> None:
 def test_a_fault_that_does_not_exist_is_refused_with_the_names_of_all(site: Site) -> None:
     refused = run("passport", "measure", str(site.file), "--fault", "fire")
     assert refused.returncode == 2
-    assert "'fire' is not a valid Fault; there are: zero, operator-killed" in refused.stderr
+    assert "'fire' is not a valid Fault; there are: zero, turn, operator-killed" in refused.stderr
