@@ -38,7 +38,6 @@ from passport.rounds import Place, Rounds, Seen
 from passport.stops import no_stop, run_of
 from supervisor.config import NamedLidarSection, SupervisorSection
 from supervisor.measured import MeasuredLidar, MeasuredSection
-from teleop.holder import HeldError
 from teleop.pilots.config import TeleopSection
 from teleop.pilots.pilot import Velocity
 from wire import topics
@@ -142,10 +141,7 @@ class Measurement:
         self._rounds = Rounds(self._driver, operator, self._injector, person, self._bases, robot.operator)
 
     async def run(self, stop: asyncio.Event) -> int:
-        try:
-            await self._driver.claim(stop)
-        except HeldError as error:
-            raise DeployError(f"the source is in use, by {error}: end that first") from error
+        await self._driver.claim(stop)
         try:
             await self._steps()
         except (AbortedError, InjectionError) as error:
