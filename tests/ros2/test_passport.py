@@ -28,9 +28,10 @@ period_s = 0.05
 [ros2]
 domain_id = {{domain}}
 """
-PERIOD_S = 0.05
-"""The longest time between two commands to the base."""
+LATE_S = 0.25
+"""On a busy machine, the simulated robot takes a command late, and so brakes late."""
 BRAKES_M = SPEED_M_S**2 / (2.0 * BRAKING_M_S2)
+TURNS_RAD = TURN_RAD_S**2 / (2.0 * TURN_BRAKING_RAD_S2)
 
 
 @pytest.fixture
@@ -68,20 +69,22 @@ def test_the_stops_of_a_ros2_robot_are_those_of_its_brakes_and_without_ros2_of_i
         "process ros2 killed",
     ]
     turn, killed, alone = (cell.runs[0] for cell in record.cells)
-    assert killed.distance_m is not None
-    assert alone.distance_m is not None
     assert killed.t1_s is not None
-    within_m = record.instrument.uncertainty_m
-    assert killed.distance_m == pytest.approx(BRAKES_M + SPEED_M_S * killed.t1_s, abs=within_m)
-    assert alone.distance_m == pytest.approx(
-        BRAKES_M + SPEED_M_S * TIMEOUT_S, abs=within_m + SPEED_M_S * PERIOD_S
-    )
-    print(f"\n{killed.distance_m=} {alone.distance_m=} {BRAKES_M=} {within_m=}")
-    assert alone.t3_s is None
     assert turn.t1_s is not None
-    turns_rad = TURN_RAD_S * turn.t1_s + TURN_RAD_S**2 / (2.0 * TURN_BRAKING_RAD_S2)
-    print(f"{turn.distance_m=} {turns_rad=} {turn.odometry_m=} {record.instrument.uncertainty_rad=}")
-    assert turn.distance_m == pytest.approx(turns_rad, abs=record.instrument.uncertainty_rad)
+    assert alone.t3_s is None
+    within_m, within_rad = record.instrument.uncertainty_m, record.instrument.uncertainty_rad
+    assert within_rad is not None
+    for run, truth, within, late in (
+        (turn, TURN_RAD_S * turn.t1_s + TURNS_RAD, within_rad, TURN_RAD_S * LATE_S),
+        (killed, SPEED_M_S * killed.t1_s + BRAKES_M, within_m, SPEED_M_S * LATE_S),
+        (alone, SPEED_M_S * TIMEOUT_S + BRAKES_M, within_m, SPEED_M_S * LATE_S),
+    ):
+        print(
+            f"\n{run.distance_m} by the lidar, {run.odometry_m} by odometry, {truth} is true, within {within}"
+        )
+        assert run.distance_m is not None
+        assert truth - within < run.distance_m < truth + within + late
+        assert run.distance_m == pytest.approx(run.odometry_m, abs=within)
 
 
 @pytest.mark.timeout(300)
