@@ -25,7 +25,6 @@ from deploy.stack.launch import Launch
 from deploy.stack.reach import reach, run_command
 from deploy.stack.robot_file import read_robot
 from supervisor.config import UNMEASURED_M_S, NamedLidarSection, SupervisorSection
-from teleop.holder import HeldError
 from teleop.terminal import is_terminal
 from wire.bus import Bus
 from wire.foreign import ForeignError, read_text
@@ -171,10 +170,7 @@ class Conductor:
         self._driver = Driver(bus, source, lidar, hull_m, person)
 
     async def run(self, stop: asyncio.Event) -> int:
-        try:
-            await self._driver.claim(stop)
-        except HeldError as error:
-            raise DeployError(f"the source is in use, by {error}: end that first") from error
+        await self._driver.claim(stop)
         try:
             await self._steps()
             await self._write()

@@ -11,9 +11,10 @@ from commission.plan import Base, Drive
 from commission.trace import Command, Driven, Odom, Trace
 from commission.wall import Wall
 from commission.watch import Watch
+from deploy.stack.errors import DeployError
 from supervisor.config import NamedLidarSection
 from supervisor.messages import to_scan
-from teleop.holder import Holder, about_this_process
+from teleop.holder import HeldError, Holder, about_this_process
 from teleop.path.course import Pose
 from teleop.path.permit import what_is_missing, what_stops
 from teleop.pilots.pilot import NEUTRAL, Velocity
@@ -84,10 +85,13 @@ class Driver:
         """Acquire the source's name, and begin the heartbeat.
 
         Raises:
-            HeldError: another program holds the name.
+            DeployError: another program holds the name.
         """
         self._stopping = stop
-        await self._holder.claim()
+        try:
+            await self._holder.claim()
+        except HeldError as error:
+            raise DeployError(f"the source is in use, by {error}: end that first") from error
         self._rate = Rate(1.0 / RATE_HZ, self.now_s)
 
     async def leave(self) -> None:

@@ -40,9 +40,9 @@ class Base(NamedTuple):
         """Return the stopping distance from a speed: v·T + v²/2a."""
         return speed_m_s * self.reaction_s + speed_m_s**2 / (2.0 * self.deceleration_m_s2)
 
-    def run_up_m(self, speed_m_s: float) -> float:
-        """Return the distance in which the base reaches a speed, and then keeps it for `STEADY_S`."""
-        return speed_m_s**2 / (2.0 * self.acceleration_m_s2) + speed_m_s * STEADY_S
+    def run_up_m(self, speed_m_s: float, steady_s: float = STEADY_S) -> float:
+        """Return the distance in which the base reaches a speed, and then keeps it for `steady_s`."""
+        return speed_m_s**2 / (2.0 * self.acceleration_m_s2) + speed_m_s * steady_s
 
 
 POOR_DECELERATION_M_S2 = 0.3

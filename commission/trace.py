@@ -122,6 +122,22 @@ class Trace:
         rows = [(one.at_s, ahead_m(start, one.pose), one.linear_m_s) for one in self.odometry]
         return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
+    def turning(self, start: Pose) -> Floats:
+        """Return odometry (n, 3): arrival [s], turn from a pose [rad], counter-clockwise, rate [rad/s]."""
+        rows = [
+            (one.at_s, wrap(one.pose.yaw_rad - start.yaw_rad), one.angular_rad_s) for one in self.odometry
+        ]
+        found = np.array(rows, dtype=np.float64).reshape(-1, 3)
+        found[:, 1] = np.unwrap(found[:, 1])
+        return found
+
+    def bearings(self) -> Floats:
+        """Return (n, 2): arrival [s] and bearing of the wall [rad], without a jump."""
+        rows = [(scan.at_s, scan.wall.bearing_rad) for scan in self.scans if scan.wall is not None]
+        found = np.array(rows, dtype=np.float64).reshape(-1, 2)
+        found[:, 1] = np.unwrap(found[:, 1])
+        return found
+
     def walls(self) -> Floats:
         """Return (n, 2): arrival [s] and distance of the wall [m]."""
         rows = [(scan.at_s, scan.wall.distance_m) for scan in self.scans if scan.wall is not None]

@@ -4,17 +4,20 @@ from collections.abc import Collection, Iterable, Iterator
 from enum import StrEnum
 from typing import NamedTuple
 
-from commission.plan import MARGIN_M, Base
+from commission.plan import Base, Drive
 from commission.stopping import LEAST_SPEED_M_S
 from deploy.stack.errors import DeployError
+from passport.record import speed_in_words
 from supervisor.config import SupervisorSection
 from supervisor.measured import MeasuredSection
+from teleop.pilots.pilot import NEUTRAL, Velocity
 
 
 class Fault(StrEnum):
     """What stops the robot; the value is its name on the command line."""
 
     ZERO = "zero"
+    TURN = "turn"
     OPERATOR_KILLED = "operator-killed"
     OPERATOR_STOPPED = "operator-stopped"
     LINK_CUT = "link-cut"
@@ -23,6 +26,7 @@ class Fault(StrEnum):
     ESTOP = "estop"
     SUPERVISOR_KILLED = "supervisor-killed"
     SUPERVISOR_STOPPED = "supervisor-stopped"
+    ROS2_KILLED = "ros2-killed"
 
     @property
     def words(self) -> str:
@@ -30,12 +34,13 @@ class Fault(StrEnum):
 
     @property
     def takes_recorder(self) -> bool:
-        """Whether nothing can be recorded while it lasts, because the supervisor is the hub."""
-        return self in {Fault.SUPERVISOR_KILLED, Fault.SUPERVISOR_STOPPED}
+        """Whether nothing of the robot can be recorded while it lasts, because the recorder hears it through what is struck."""
+        return self in {Fault.SUPERVISOR_KILLED, Fault.SUPERVISOR_STOPPED, Fault.ROS2_KILLED}
 
 
 WORDS = {
     Fault.ZERO: "plain zero",
+    Fault.TURN: "plain zero in a turn",
     Fault.OPERATOR_KILLED: "operator's program killed",
     Fault.OPERATOR_STOPPED: "operator's program stopped",
     Fault.LINK_CUT: "operator's link cut",
@@ -44,14 +49,13 @@ WORDS = {
     Fault.ESTOP: "e-stop",
     Fault.SUPERVISOR_KILLED: "supervisor killed",
     Fault.SUPERVISOR_STOPPED: "supervisor stopped",
+    Fault.ROS2_KILLED: "process ros2 killed",
 }
 SHARES = (0.33, 0.66, 1.0)
 """Of the top speed, for the plain zero; a fault is injected at the top speed only."""
 LOADS_PERCENT = (0, 100)
 NOT_TESTED = (
-    "a turn on the spot",
     "the operator's link cut in one direction only",
-    "the process ros2 or its computer dead",
     "without Lifeline",
 )
 
@@ -72,26 +76,56 @@ class Plan(NamedTuple):
     """One cell to measure, with one load."""
 
     fault: Fault
-    speed_m_s: float
+    speed: float
+    """At the fault, in m/s or, of a turn, in rad/s."""
+
+    @property
+    def is_turn(self) -> bool:
+        return self.fault is Fault.TURN
+
+    @property
+    def velocity(self) -> Velocity:
+        return Velocity(0.0, self.speed) if self.is_turn else Velocity(self.speed, 0.0)
+
+    @property
+    def after(self) -> Velocity:
+        """What the operator's program requests from the fault on: after any but a plain zero, the same as before."""
+        return NEUTRAL if self.fault in {Fault.ZERO, Fault.TURN} else self.velocity
+
+    def __str__(self) -> str:
+        return f"{self.fault.words} at {speed_in_words(self.speed, turn=self.is_turn)}"
 
 
-def plans(top_m_s: float, wanted: Collection[Fault] = ()) -> Iterator[Plan]:
+def plans(top: Velocity, wanted: Collection[Fault] = (), *, has_ros2: bool = False) -> Iterator[Plan]:
     """Yield the cells, the slowest first; those that take the recorder last.
 
     Args:
-        top_m_s: the top speed.
-        wanted: only these faults; empty: all.
+        top: the top speed, and the top rate of a turn.
+        wanted: only these faults; empty: all that the robot can have.
+        has_ros2: whether it is a ROS 2 robot.
     """
     for fault in Fault:
-        if not wanted or fault in wanted:
+        if fault in wanted or (not wanted and (has_ros2 or fault is not Fault.ROS2_KILLED)):
             for share in SHARES if fault is Fault.ZERO else SHARES[-1:]:
-                yield Plan(fault, round(share * top_m_s, 3))
+                most = top.angular_rad_s if fault is Fault.TURN else top.linear_m_s
+                yield Plan(fault, round(share * most, 3))
 
 
-def trusted_base(config: SupervisorSection, measured: MeasuredSection | None) -> Base:
+class Bases(NamedTuple):
+    """What is assumed of the base."""
+
+    straight: Base
+    turning: Base
+    """On the spot: each m is a rad."""
+
+    def of(self, plan: Plan) -> Base:
+        return self.turning if plan.is_turn else self.straight
+
+
+def trusted_bases(config: SupervisorSection, measured: MeasuredSection | None) -> Bases:
     """Return what is assumed of the base: the configured numbers, or the limits that were measured if they are worse.
 
-    Its reaction contains the longest time until any fault is detected.
+    Its reaction contains the longest time until any fault is detected. In a turn, the rim of the hull brakes as hard as its centre.
     """
     deceleration_m_s2, dead_s = config.deceleration_m_s2, config.base_dead_time_s
     timeout_s = config.base_timeout_s
@@ -108,15 +142,24 @@ def trusted_base(config: SupervisorSection, measured: MeasuredSection | None) ->
         config.odom_timeout_s,
         *(config.scan_timeout_of(lidar) for lidar in config.all_lidars()),
     )
-    return Base(
-        config.base_acceleration_m_s2,
-        max(LEAST_DECELERATION_M_S2, deceleration_m_s2),
-        detected_s + dead_s + config.transport_s,
+    reaction_s = detected_s + dead_s + config.transport_s
+    deceleration_m_s2 = max(LEAST_DECELERATION_M_S2, deceleration_m_s2)
+    deceleration_rad_s2 = deceleration_m_s2 / config.footprint.hull().radius_m
+    return Bases(
+        Base(config.base_acceleration_m_s2, deceleration_m_s2, reaction_s),
+        Base(config.base_angular_acceleration_rad_s2, deceleration_rad_s2, reaction_s),
     )
 
 
 LEAST_DECELERATION_M_S2 = 0.05
 """The least that can be configured; a measured limit may be lower, even negative."""
+
+
+def drive_of(plan: Plan, base: Base) -> Drive:
+    """Return the motion until the fault."""
+    if plan.is_turn:
+        return Drive(turn_rad=base.run_up_m(plan.speed, TURN_STEADY_S), speed=plan.speed)
+    return Drive(base.run_up_m(plan.speed), speed=plan.speed)
 
 
 def needs_m(plan: Plan, base: Base) -> float:
@@ -125,14 +168,15 @@ def needs_m(plan: Plan, base: Base) -> float:
     While a fault takes the recorder, nothing can be done about a base that drives on: this distance is needed too.
     """
     unseen_s = standing_s(plan, base) if plan.fault.takes_recorder else 0.0
-    speed_m_s = plan.speed_m_s
-    return base.run_up_m(speed_m_s) + speed_m_s * unseen_s + base.stop_m(speed_m_s) + MARGIN_M
+    return drive_of(plan, base).needs_m(base) + plan.speed * unseen_s
 
 
 def problem(plan: Plan, base: Base, ahead_m: float) -> str | None:
     """Return why a cell cannot be measured with the free distance ahead of the hull; None if it can."""
-    if plan.speed_m_s < LEAST_SPEED_M_S:
-        return f"stops are measured from {LEAST_SPEED_M_S:g} m/s on"
+    if plan.speed < LEAST_SPEED_M_S:
+        return f"stops are measured from {speed_in_words(LEAST_SPEED_M_S, turn=plan.is_turn)} on"
+    if (turn_rad := drive_of(plan, base).turn_rad) > MOST_RAD:
+        return f"it needs a turn of {turn_rad:.1f} rad, and more than {MOST_RAD:g} rad are not followed"
     needed_m = needs_m(plan, base)
     if needed_m > ahead_m:
         return f"it needs {needed_m:.2f} m ahead of the hull, and the wall is {ahead_m:.2f} m away"
@@ -141,9 +185,12 @@ def problem(plan: Plan, base: Base, ahead_m: float) -> str | None:
 
 def standing_s(plan: Plan, base: Base) -> float:
     """Return the time from the fault after which the base stands [s], also if its numbers are a little worse."""
-    return base.reaction_s + plan.speed_m_s / base.deceleration_m_s2 + LATER_S
+    return base.reaction_s + plan.speed / base.deceleration_m_s2 + LATER_S
 
 
 LATER_S = 0.3
+TURN_STEADY_S = 0.6
+"""How long the robot turns at the full rate before the fault; longer turns would wrap."""
+MOST_RAD = 3.0
 SIDE_M = 0.5
 """How far the robot may stand from the place that was confirmed, to the side and back."""

@@ -59,7 +59,8 @@ def changes(old: Passport, new: Passport) -> list[Change]:
     for key in dict.fromkeys((*before, *after)):
         first, second = before.get(key), after.get(key)
         cell = (first or second or after[key]).cell
-        for quantity, unit in (("distance", "m"), ("stopping time", "s"), ("reaction", "s")):
+        way = ("angle", "rad") if cell.turn else ("distance", "m")
+        for quantity, unit in (way, ("stopping time", "s"), ("reaction", "s")):
             one, other = _limit(first, quantity), _limit(second, quantity)
             if one is not None or other is not None or _failed(first) != _failed(second):
                 found.append(Change(cell, quantity, unit, one, other, _failed(first), _failed(second)))
@@ -83,6 +84,7 @@ def _limit(row: Row | None, quantity: str) -> float | None:
         return None
     limits: dict[str, Limit | None] = {
         "distance": row.distance_m,
+        "angle": row.distance_m,
         "stopping time": row.stopping_s,
         "reaction": row.reaction_s,
     }

@@ -1,6 +1,7 @@
 """Injects a fault into the running robot, and lifts it."""
 
 import asyncio
+import math
 import signal
 
 from deploy.stack import processes
@@ -9,6 +10,7 @@ from deploy.stack.statedir import StateDir
 from passport.cells import Fault
 from passport.child import Child
 from passport.pilot import READY
+from teleop.pilots.pilot import NEUTRAL, Velocity
 from wire import topics
 from wire.bus import Bus, NoReplyError
 from wire.messages import Bool
@@ -58,9 +60,9 @@ class Operator:
         if answer != READY:
             raise InjectionError(f"the operator's program cannot drive: {answer or 'it has ended'}")
 
-    def request(self, speed_m_s: float) -> None:
+    def request(self, velocity: Velocity) -> None:
         if self._program is not None:
-            self._program.order(repr(speed_m_s))
+            self._program.order("{!r} {!r}".format(*velocity))
 
     def hit(self, fault: Fault) -> None:
         """Kill it, stop it, or cut its link."""
@@ -103,11 +105,12 @@ class Injector:
         if fault is Fault.LINK_CUT and socket_of(self._launch.bus.endpoint) is None:
             return "the link has certificates, and only a link on this computer can be cut: pull its cable by hand"
         if fault.takes_recorder:
+            struck = topics.ROS2 if fault is Fault.ROS2_KILLED else topics.SUPERVISOR
             names = {process.name for process in processes.of(self._state.path)}
-            if not self._launch.is_started(self._state) or topics.SUPERVISOR not in names:
-                return "the process of the supervisor is not one of this computer's `lifeline up`"
+            if not self._launch.is_started(self._state) or struck not in names:
+                return f"the process {struck} is not one of this computer's `lifeline up`"
             if SUPERVISORD not in names:
-                return "nothing would start the supervisor again: start the robot with `lifeline up --detach`"
+                return f"nothing would start the {struck} again: start the robot with `lifeline up --detach`"
         if fault in SENSORS:
             try:
                 await self._bus.call(topics.SIM_FAULTS, timeout_s=CALL_LIMIT_S)
@@ -125,14 +128,16 @@ class Injector:
         """
         now_s = asyncio.get_running_loop().time()
         match fault:
-            case Fault.ZERO:
-                self._operator.request(0.0)
+            case Fault.ZERO | Fault.TURN:
+                self._operator.request(NEUTRAL)
             case Fault.OPERATOR_KILLED | Fault.OPERATOR_STOPPED | Fault.LINK_CUT:
                 self._operator.hit(fault)
             case Fault.SUPERVISOR_KILLED:
-                now_s = self._signal(signal.SIGKILL)
+                now_s = self._signal((topics.SUPERVISOR, signal.SIGKILL))
             case Fault.SUPERVISOR_STOPPED:
-                now_s = self._signal(signal.SIGSTOP)
+                now_s = self._signal((topics.SUPERVISOR, signal.SIGSTOP))
+            case Fault.ROS2_KILLED:  # it must not come back before the base stands, or it would stop the base
+                now_s = self._signal((SUPERVISORD, signal.SIGSTOP), (topics.ROS2, signal.SIGKILL))
             case Fault.LIDAR_SILENT | Fault.ODOMETRY_SILENT:
                 await self._sensors(SENSORS[fault])
             case Fault.ESTOP:
@@ -140,13 +145,15 @@ class Injector:
         return now_s
 
     async def lift(self, fault: Fault) -> None:
-        """End a fault whose end is not that of the operator's program; supervisord restarts the supervisor by itself.
+        """End a fault whose end is not that of the operator's program; supervisord restarts what was killed by itself.
 
         Raises:
             InjectionError: it cannot be ended.
         """
         if fault is Fault.SUPERVISOR_STOPPED:
-            self._signal(signal.SIGCONT)
+            self._signal((topics.SUPERVISOR, signal.SIGCONT))
+        elif fault is Fault.ROS2_KILLED:
+            self._signal((SUPERVISORD, signal.SIGCONT))
         elif fault in SENSORS:
             await self._sensors("none")
 
@@ -162,18 +169,21 @@ class Injector:
             return str(error)
         return None if reply.success else reply.message
 
-    def _signal(self, number: signal.Signals) -> float:
-        """Signal the supervisor; return the time just before.
+    def _signal(self, *signals: tuple[str, signal.Signals]) -> float:
+        """Signal processes of this computer in this order; return the time just before the last.
 
         Raises:
-            InjectionError: it does not run.
+            InjectionError: one of them does not run; then none is signalled.
         """
-        for process in processes.of(self._state.path):
-            if process.name == topics.SUPERVISOR:
-                now_s = asyncio.get_running_loop().time()
-                processes.send(process, self._state.path, number)
-                return now_s
-        raise InjectionError("the supervisor does not run")
+        running = {process.name: process for process in processes.of(self._state.path)}
+        now_s = math.nan
+        for name, _ in signals:
+            if name not in running:
+                raise InjectionError(f"the process {name} does not run")
+        for name, number in signals:
+            now_s = asyncio.get_running_loop().time()
+            processes.send(running[name], self._state.path, number)
+        return now_s
 
     async def _sensors(self, faults: str) -> None:
         try:

@@ -8,6 +8,7 @@ import numpy as np
 
 from commission.estimate import Floats
 from passport.record import Instrument
+from teleop.pilots.pilot import Velocity
 
 WALL_FIT = (
     "robust line through the returns of the lidar {lidar} at the wall ahead: RANSAC, then total least squares"
@@ -18,27 +19,41 @@ LARGEST = 1.0
 
 
 def instrument(
-    lidar: str, walls: Floats, odometry_s: Sequence[float], *, top_m_s: float, latency_s: float | None
+    lidar: str,
+    walls: Floats,
+    bearings: Floats,
+    odometry_s: Sequence[float],
+    *,
+    top: Velocity,
+    latency_s: float | None,
 ) -> Instrument | None:
     """Return the instrument; None if the robot at rest was not seen well enough.
 
     A distance is the difference of two distances of the wall, so it has √2 times the noise of one (95 %: twice that). To this is added
-    the distance that the robot drives at its top speed while the latency of the scans is unknown.
+    the distance that the robot drives at its top speed while the latency of the scans is unknown. The same holds for a turn.
 
     Args:
         lidar: its name.
         walls: (n, 2) arrival [s], distance of the wall at rest [m].
+        bearings: (n, 2) arrival [s], bearing of the wall at rest [rad].
         odometry_s: arrival [s].
-        top_m_s: the top speed.
+        top: the top speed, and the top rate of a turn.
         latency_s: the uncertainty of the latency of the scans; None: it was not measured, and one period of the scans is assumed.
     """
     if min(len(walls), len(odometry_s)) < LEAST_SCANS:
         return None
-    noise_m = float(np.std(walls[:, 1], ddof=1))
     apart_s = max(after - before for before, after in itertools.pairwise(odometry_s))
     if latency_s is None:
         latency_s = float(np.median(np.diff(walls[:, 0])))
-    found = 2.0 * math.sqrt(2.0) * noise_m + top_m_s * latency_s
-    if max(found, apart_s) > LARGEST:
+    found_m, found_rad = (
+        2.0 * math.sqrt(2.0) * float(np.std(seen[:, 1], ddof=1)) + most * latency_s
+        for seen, most in zip((walls, bearings), top, strict=True)
+    )
+    if max(found_m, found_rad, apart_s) > LARGEST:
         return None
-    return Instrument(wall_fit=WALL_FIT.format(lidar=lidar), uncertainty_m=found, uncertainty_s=apart_s)
+    return Instrument(
+        wall_fit=WALL_FIT.format(lidar=lidar),
+        uncertainty_m=found_m,
+        uncertainty_rad=found_rad,
+        uncertainty_s=apart_s,
+    )

@@ -32,14 +32,15 @@ from passport import cells
 from passport.cells import Fault, Plan
 from passport.injection import InjectionError, Injector, Operator
 from passport.instrument import instrument
-from passport.record import MAX_TEXT, Conditions, Instrument, Passport, Run
+from passport.record import MAX_TEXT, Conditions, Instrument, Passport, Run, way_in_words
 from passport.results import Results
 from passport.rounds import Place, Rounds, Seen
 from passport.stops import no_stop, run_of
 from supervisor.config import NamedLidarSection, SupervisorSection
 from supervisor.measured import MeasuredLidar, MeasuredSection
-from teleop.holder import HeldError
 from teleop.pilots.config import TeleopSection
+from teleop.pilots.pilot import Velocity
+from wire import topics
 from wire.bus import Bus
 from wire.host.config import Sections
 
@@ -83,9 +84,14 @@ class Robot(NamedTuple):
         return self.sections[TeleopSection].source
 
     @property
-    def scale(self) -> float:
-        """True distance divided by distance of odometry."""
-        return 1.0 if self.measured.odometry_scale is None else self.measured.odometry_scale.value
+    def top(self) -> Velocity:
+        """The top speed, and the top rate of a turn."""
+        return Velocity(self.config.max_linear_m_s, self.config.max_angular_rad_s)
+
+    def scale(self, *, turn: bool) -> float:
+        """Return the true distance, or turn, divided by that of odometry."""
+        found = self.measured.turn_scale if turn else self.measured.odometry_scale
+        return 1.0 if found is None else found.value
 
     def latency_s(self) -> tuple[float, float | None]:
         """Return the latency of the scans and its uncertainty, which is None if it was not measured."""
@@ -127,18 +133,15 @@ class Measurement:
     ) -> None:
         self._person, self._robot, self._orders = person, robot, orders
         self._say = person.say
-        self._base = cells.trusted_base(robot.config, robot.measured)
+        self._bases = cells.trusted_bases(robot.config, robot.measured)
         hull_m = robot.config.footprint.hull().radius_m
         self._driver = Driver(bus, orders.source, robot.lidar, hull_m, person)
         self._injector = Injector(bus, robot.launch, state, operator)
         self._kept = "Nothing was written"
-        self._rounds = Rounds(self._driver, operator, self._injector, person, self._base, robot.operator)
+        self._rounds = Rounds(self._driver, operator, self._injector, person, self._bases, robot.operator)
 
     async def run(self, stop: asyncio.Event) -> int:
-        try:
-            await self._driver.claim(stop)
-        except HeldError as error:
-            raise DeployError(f"the source is in use, by {error}: end that first") from error
+        await self._driver.claim(stop)
         try:
             await self._steps()
         except (AbortedError, InjectionError) as error:
@@ -150,8 +153,8 @@ class Measurement:
         return 0
 
     async def _steps(self) -> None:
-        top_m_s = self._robot.config.max_linear_m_s
-        plans = list(cells.plans(top_m_s, self._orders.faults))
+        has_ros2 = topics.ROS2 in self._robot.launch.nodes
+        plans = list(cells.plans(self._robot.top, self._orders.faults, has_ros2=has_ros2))
         self._say(
             "The robot is driven toward a flat wall, and stopped by faults. Place it on a flat, free floor, facing the wall. Stand "
             "beside it with its own e-stop in your hand. Any key aborts a drive."
@@ -161,17 +164,18 @@ class Measurement:
         except SurpriseError as error:
             raise AbortedError(str(error)) from error
         wall = await self._check_wall()
-        found = await self._instrument(wall, top_m_s)
+        found = await self._instrument(wall)
         floor = await self._driver.ask("Type what the floor is, such as smooth concrete.")
-        results = Results(self._orders.out, self._begun(top_m_s, found, floor))
+        results = Results(self._orders.out, self._begun(found, floor))
         self._kept = f"The runs until now are in {self._orders.out}"
-        fitting = [one for one in plans if cells.problem(one, self._base, self._gap_m()) is None]
+        fitting = [one for one in plans if self._misfit(one) is None]
         if fitting:
-            needed_m = max(cells.needs_m(one, self._base) for one in fitting)
+            needed_m = max(cells.needs_m(one, self._bases.of(one)) for one in fitting)
+            turns = " It also turns on the spot." if any(one.is_turn for one in fitting) else ""
             await self._confirm(
                 f"The robot drives {needed_m:.1f} m toward the wall at most, and back to where it stands now, {len(fitting)} cells with "
-                f"{self._orders.runs} runs each. While the supervisor is killed or stopped, only the base itself and you can stop "
-                f"it. Keep this area free, and {cells.SIDE_M:g} m beside the robot and behind it. Type go to drive.",
+                f"{self._orders.runs} runs each.{turns} While a process of Lifeline is killed or stopped, only the base itself and you can "
+                f"stop it. Keep this area free, and {cells.SIDE_M:g} m beside the robot and behind it. Type go to drive.",
                 "go",
             )
         for load_percent in self._orders.loads_percent:
@@ -204,7 +208,7 @@ class Measurement:
         if await self._driver.ask(question) != word:
             raise AbortedError(f"not confirmed with {word!r}")
 
-    async def _instrument(self, wall: Wall, top_m_s: float) -> Instrument:
+    async def _instrument(self, wall: Wall) -> Instrument:
         """Measure the noise of the wall at rest, and keep the place of the robot."""
         self._say(f"The robot stands for {REST_S:g} s: noise of the wall, rate of odometry.")
         start_s = self._driver.now_s
@@ -213,7 +217,12 @@ class Measurement:
         arrivals_s = [one.at_s for one in trace.odometry]
         latency_s = self._robot.latency_s()[1]
         found = instrument(
-            self._robot.lidar.name, trace.walls(), arrivals_s, top_m_s=top_m_s, latency_s=latency_s
+            self._robot.lidar.name,
+            trace.walls(),
+            trace.bearings(),
+            arrivals_s,
+            top=self._robot.top,
+            latency_s=latency_s,
         )
         if found is None:
             raise AbortedError("the wall or odometry is not seen well enough at rest")
@@ -227,7 +236,11 @@ class Measurement:
         assert self._rounds.place is not None
         return self._rounds.place.gap_m
 
-    def _begun(self, top_m_s: float, found: Instrument, floor: str) -> Passport:
+    def _misfit(self, plan: Plan) -> str | None:
+        """Return why a cell does not fit where the robot stood at the start; None if it does."""
+        return cells.problem(plan, self._bases.of(plan), self._gap_m())
+
+    def _begun(self, found: Instrument, floor: str) -> Passport:
         file = self._robot.file
         return Passport(
             robot=f"{self._robot.launch.bus.namespace} ({file.name})"[:MAX_TEXT],
@@ -236,7 +249,10 @@ class Measurement:
             configuration_sha256=hashlib.sha256(file.read_bytes()).hexdigest(),
             date=dt.datetime.now(tz=dt.UTC).strftime("%Y-%m-%d %H:%M UTC"),
             conditions=Conditions(
-                top_speed_m_s=top_m_s, loads=(), floor=floor[:MAX_TEXT], machine_load=machine()[:MAX_TEXT]
+                top_speed_m_s=self._robot.top.linear_m_s,
+                loads=(),
+                floor=floor[:MAX_TEXT],
+                machine_load=machine()[:MAX_TEXT],
             ),
             instrument=found,
             not_tested=cells.NOT_TESTED,
@@ -257,10 +273,10 @@ class Measurement:
 
     async def _cell(self, results: Results, plan: Plan, load_percent: int) -> None:
         """Drive the runs of a cell that are missing."""
-        name = f"{plan.fault.words} at {plan.speed_m_s:g} m/s, load {load_percent} %"
+        name = f"{plan}, load {load_percent} %"
         if results.runs(plan, load_percent) >= self._orders.runs:
             return
-        refusal = cells.problem(plan, self._base, self._gap_m()) or await self._injector.refusal(plan.fault)
+        refusal = self._misfit(plan) or await self._injector.refusal(plan.fault)
         results.refuse(plan, load_percent, refusal)
         if refusal is not None:
             self._say(f"{name}: not measured: {refusal}")
@@ -288,7 +304,7 @@ class Measurement:
             self._note_machine(results)
             if not run.stopped:
                 raise AbortedError(f"the robot did not stop after {name}: the measurement ends")
-            self._say(f"{name}, run {done + 1} of {self._orders.runs}: {_in_words(run)}")
+            self._say(f"{name}, run {done + 1} of {self._orders.runs}: {_in_words(plan, run)}")
             await self._recover(plan)
 
     def _run_of(self, plan: Plan, seen: Seen, found: Instrument) -> Run:
@@ -298,13 +314,14 @@ class Measurement:
             SurpriseError: it cannot be computed.
         """
         trace = self._driver.trace.between(seen.start_s, seen.rest_s)
-        odometry, walls = trace.toward(seen.start), trace.walls()
+        is_turn = plan.is_turn
+        odometry = trace.turning(seen.start) if is_turn else trace.toward(seen.start)
+        walls = trace.bearings() if is_turn else trace.walls()
         is_seen = not plan.fault.takes_recorder
         if not seen.is_stopped:
-            return no_stop(
-                plan.speed_m_s, seen.fault_s, seen.rest_s, trace.commands, odometry, is_seen=is_seen
-            )
-        walls[:, 1] /= math.cos(self._driver.bearing_rad(seen.before))  # the robot does not face it exactly
+            return no_stop(plan.speed, seen.fault_s, seen.rest_s, trace.commands, odometry, is_seen=is_seen)
+        if not is_turn:  # it does not face the wall exactly
+            walls[:, 1] /= math.cos(self._driver.bearing_rad(seen.before))
         run = run_of(
             seen.fault_s,
             seen.rest_s,
@@ -312,9 +329,10 @@ class Measurement:
             odometry,
             walls,
             is_seen=is_seen,
-            scale=self._robot.scale,
+            scale=self._robot.scale(turn=is_turn),
             latency_s=self._robot.latency_s()[0],
-            uncertainty_m=found.uncertainty_m,
+            uncertainty_m=(found.uncertainty_rad or 0.0) if is_turn else found.uncertainty_m,
+            is_turn=is_turn,
         )
         if run is None:
             raise SurpriseError("the robot did not drive steadily before the fault, or the wall was lost")
@@ -336,7 +354,7 @@ class Measurement:
             await self._rounds.all_heard()
 
 
-def _in_words(run: Run) -> str:
+def _in_words(plan: Plan, run: Run) -> str:
     time = "" if run.t3_s is None else f"stood after {run.t3_s:.2f} s and "
     slip = "; lidar and odometry disagree" if run.slip else ""
-    return f"{time}{100.0 * (run.distance_m or 0.0):.1f} cm from {run.v0_m_s:.2f} m/s{slip}"
+    return f"{time}{way_in_words(run, turn=plan.is_turn)}{slip}"

@@ -5,7 +5,7 @@ from html import escape
 
 from deploy.stack.page import document
 from passport.drawing import speed_over_time, stops_over_speed
-from passport.record import Cell, Passport, Run
+from passport.record import Cell, Instrument, Passport, Run, way_in_words
 from passport.statement import digest
 from passport.statistics import Limit, rounded_up
 from passport.summary import Row, not_shown, rows, sentence
@@ -38,7 +38,7 @@ def page(passport: Passport, inside: str, signer: str | None) -> str:
         *_list("Not shown by this measurement", list(not_shown(passport))),
         *_list("Deviations", passport.deviations),
         *_runs(passport.cells),
-        *_how_to_read(),
+        *_how_to_read(has_turn=any(row.cell.turn for row in found)),
         BEGIN + inside.strip().replace("<", "\\u003c") + END,
     ]
     return document(f"Stop-time passport of {escape(passport.robot)}", parts)
@@ -60,7 +60,7 @@ def _table(found: Sequence[Row]) -> Iterator[str]:
     for row in found:
         cell = row.cell
         name = escape(cell.fault) + ("" if cell.with_lifeline else ", without Lifeline")
-        yield f'<tr><td class="l">{name}</td><td>{cell.speed_m_s:g}</td><td>{cell.load_percent}</td><td>{row.runs}</td>'
+        yield f'<tr><td class="l">{name}</td><td>{cell.speed if cell.turn else f"{cell.speed_m_s:g}"}</td><td>{cell.load_percent}</td><td>{row.runs}</td>'
         if not row.runs:
             yield '<td class="l soft" colspan="5">not measured</td></tr>'
             continue
@@ -68,8 +68,9 @@ def _table(found: Sequence[Row]) -> Iterator[str]:
             yield f'<td class="l bad" colspan="5">did not stop in {row.not_stopped} of {row.runs} runs</td></tr>'
             continue
         least = "" if row.least_m_s2 is None else f"{row.least_m_s2:.2f}"
-        yield _limit(row.reaction_s) + _limit(row.stopping_s) + _limit(row.distance_m)
-        yield f"<td>{least}</td><td>{row.slips or ''}</td></tr>"
+        yield _limit(row.reaction_s) + _limit(row.stopping_s)
+        yield _limit(row.distance_m, " rad" if cell.turn else "")
+        yield f"<td>{least}{' rad/s²' if cell.turn and least else ''}</td><td>{row.slips or ''}</td></tr>"
     yield (
         "</tbody></table></div>"
         '<p class="soft">Limits include the uncertainty of the instrument and are rounded up. A bold limit covers 95 % of all stops, with 95 % confidence for '
@@ -78,15 +79,15 @@ def _table(found: Sequence[Row]) -> Iterator[str]:
     )
 
 
-def _limit(found: Limit | None) -> str:
+def _limit(found: Limit | None, unit: str = "") -> str:
     if found is None:
         return "<td>–</td>"
     text = rounded_up(found.value)
-    return f"<td><b>{text}</b></td>" if found.proven else f"<td>{text}</td>"
+    return f"<td><b>{text}</b>{unit}</td>" if found.proven else f"<td>{text}{unit}</td>"
 
 
 def _curves(found: Sequence[Row]) -> Iterator[str]:
-    measured = [row for row in found if row.runs]
+    measured = [row for row in found if row.runs and not row.cell.turn]
     if measured:
         yield '<div class="pair">'
         yield stops_over_speed(measured, "distance [m]", lambda run: run.distance_m)
@@ -104,6 +105,7 @@ def _conditions(passport: Passport, signer: str | None) -> Iterator[str]:
         "floor": conditions.floor or "not stated",
         "computer": conditions.machine_load,
         "distance by": f"{instrument.wall_fit}; ± {1000 * instrument.uncertainty_m:.0f} mm (95 %)",
+        **_turns_by(instrument),
         "times by": f"arrival at the recorder; ± {1000 * instrument.uncertainty_s:.0f} ms",
         "Lifeline": f"{passport.version}, commit {passport.commit or 'unknown'}",
         "configuration": f"SHA-256 {passport.configuration_sha256}",
@@ -114,6 +116,12 @@ def _conditions(passport: Passport, signer: str | None) -> Iterator[str]:
     for name, value in pairs.items():
         yield f"<dt>{name}</dt><dd>{escape(value)}</dd>"
     yield "</dl>"
+
+
+def _turns_by(instrument: Instrument) -> dict[str, str]:
+    if instrument.uncertainty_rad is None:
+        return {}
+    return {"turns by": f"the direction of this line; ± {1000 * instrument.uncertainty_rad:.0f} mrad (95 %)"}
 
 
 def _list(title: str, sentences: Sequence[str]) -> Iterator[str]:
@@ -129,29 +137,32 @@ def _runs(cells: Sequence[Cell]) -> Iterator[str]:
     for cell in cells:
         if not cell.runs:
             continue
-        yield (
-            f"<h3>{escape(cell.fault)}, {cell.speed_m_s:g} m/s, load {cell.load_percent} %</h3>"
-            '<div class="runs">'
-        )
+        yield (f'<h3>{escape(cell.fault)}, {cell.speed}, load {cell.load_percent} %</h3><div class="runs">')
         for number, run in enumerate(cell.runs, 1):
             picture = speed_over_time(run, f"Run {number} of {cell.fault}")
-            yield f"<figure>{picture}<figcaption>{number}: {escape(_run(run))}</figcaption></figure>"
+            yield f"<figure>{picture}<figcaption>{number}: {escape(_run(cell, run))}</figcaption></figure>"
         yield "</div>"
 
 
-def _run(run: Run) -> str:
+def _run(cell: Cell, run: Run) -> str:
     if not run.stopped:
         return "did not stop"
-    distance = "" if run.distance_m is None else f"{100 * run.distance_m:.1f} cm from {run.v0_m_s:.2f} m/s"
+    distance = way_in_words(run, turn=cell.turn)
     time = "time unknown" if run.t3_s is None else f"{run.t3_s:.2f} s"
     return f"{distance}, {time}" + (", slip" if run.slip else "")
 
 
-def _how_to_read() -> Iterator[str]:
+def _how_to_read(*, has_turn: bool) -> Iterator[str]:
+    turn = (
+        "<li><b>a turn</b>: the robot turns on the spot; its distance is an angle. The curves do not show it.</li>"
+        if has_turn
+        else ""
+    )
     yield (
         "<h2>How to read this</h2><ul>"
         "<li><b>reaction</b>: from the fault until the speed is below 95 % of that before. <b>to standstill</b>: until it remains "
         "below 0.01 m/s for 0.2 s. <b>distance</b>: by the lidar at a flat wall, odometry as the second witness.</li>"
+        f"{turn}"
         "<li><b>limits</b>: the r-th largest of n runs, without an assumption about their distribution; the confidence is "
         "P(Bin(n, 0.05) ≥ r), and the doubt is divided by the number of cells in the sentence (Bonferroni).</li>"
         "<li>The layout follows ISO 18646-1, clause 6 (stopping characteristics). ISO 3691-4:2023 excludes remotely controlled trucks, "

@@ -1,7 +1,7 @@
 """`python -m passport.pilot`: the operator's program of a measurement, which can be killed, stopped and cut off.
 
 It commands as teleop does: it holds the name of its source, and requests a velocity at 20 Hz, and at once when it changes. Each line of its
-stdin is the speed ahead [m/s]. It requests zero if no line has come for `SILENT_S`, and ends with its stdin. Its first line is
+stdin is the speed ahead [m/s] and the turn rate [rad/s]. It requests zero if no line has come for `SILENT_S`, and ends with its stdin. Its first line is
 `ready`, or why it cannot drive.
 """
 
@@ -15,6 +15,7 @@ from deploy.stack.errors import DeployError
 from deploy.stack.reach import reach
 from passport.child import die_with_parent
 from teleop.holder import HeldError, Holder, about_this_process
+from teleop.pilots.pilot import NEUTRAL, Velocity
 from teleop.rate import Rate
 from wire import topics
 from wire.bus import Bus, BusError, wait_until
@@ -32,7 +33,7 @@ EXIT_REFUSED = 2
 
 
 class Pilot:
-    """Requests the speed that its stdin names.
+    """Requests the velocity that its stdin names.
 
     Args:
         bus: an open bus.
@@ -43,7 +44,7 @@ class Pilot:
         self._commands = bus.publisher(topics.source_cmd_vel(source))
         self._holder = Holder(bus, source, self._commands, about_this_process(source))
         self._wake = asyncio.Event()
-        self._wanted_m_s, self._heard_s = 0.0, -math.inf
+        self._wanted, self._heard_s = NEUTRAL, -math.inf
 
     async def run(self, stop: asyncio.Event) -> None:
         """Command until `stop`, or until the end of stdin.
@@ -60,12 +61,12 @@ class Pilot:
             while not (stop.is_set() or reading.done()):
                 rate.tick(loop.time())
                 is_led = loop.time() - self._heard_s < SILENT_S
-                self._commands.put(planar_twist(self._wanted_m_s if is_led else 0.0, 0.0))
+                self._commands.put(planar_twist(*(self._wanted if is_led else NEUTRAL)))
                 await wait_until(self._wake, rate.next_s)
                 self._wake.clear()
         finally:
             reading.cancel()
-            self._commands.put(planar_twist(0.0, 0.0))
+            self._commands.put(planar_twist(*NEUTRAL))
             await self._holder.leave()
 
     async def _read(self) -> None:
@@ -73,19 +74,19 @@ class Pilot:
         loop = asyncio.get_running_loop()
         await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(lines), sys.stdin)
         while line := await lines.readline():
-            wanted_m_s, self._heard_s = speed_in(line), loop.time()
-            if wanted_m_s != self._wanted_m_s:
-                self._wanted_m_s = wanted_m_s
+            wanted, self._heard_s = velocity_in(line), loop.time()
+            if wanted != self._wanted:
+                self._wanted = wanted
                 self._wake.set()
 
 
-def speed_in(line: bytes) -> float:
-    """Return the speed of a line [m/s]; zero if it has none."""
-    with suppress(ValueError):
-        speed_m_s = float(line)
-        if math.isfinite(speed_m_s):
-            return speed_m_s
-    return 0.0
+def velocity_in(line: bytes) -> Velocity:
+    """Return the velocity of a line; neutral if it has none."""
+    with suppress(ValueError, TypeError):
+        wanted = Velocity(*map(float, line.split()))
+        if all(map(math.isfinite, wanted)):
+            return wanted
+    return NEUTRAL
 
 
 async def _run(stop: asyncio.Event, bus_section: BusSection, source: str) -> int:

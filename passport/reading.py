@@ -18,7 +18,7 @@ from wire.bundle import AUTHORITY, BundleError, choose_bundle
 from wire.foreign import ForeignError, read_text
 from wire.roles import Role
 
-SPEED, LOAD, OLD, NEW = (Column(name, right=True) for name in ("m/s", "load", "old", "new"))
+SPEED, LOAD, OLD, NEW = (Column(name, right=True) for name in ("speed", "load", "old", "new"))
 MAX_FILE_BYTES = 3 * MAX_BYTES
 """Of a page: the record in base64, and its pictures."""
 WORSE = 1
@@ -114,7 +114,7 @@ def compare(old: Path, new: Path, *, as_json: bool) -> int:
     for one in found:
         if one.is_different:
             cell, quantity = one.cell, f"{one.quantity} [{one.unit}]"
-            condition = (f"{cell.speed_m_s:g}", f"{cell.load_percent} %")
+            condition = (cell.speed, f"{cell.load_percent} %")
             table.add_row(
                 cell.fault,
                 *condition,

@@ -32,7 +32,7 @@ class _Record(BaseModel):
 
 
 class Run(_Record):
-    """One stop. Times count from the fault; a time is None if it could not be observed."""
+    """One stop; of a turn, each m is a rad. Times count from the fault; a time is None if it could not be observed."""
 
     t0_s: Annotated[float, Field(ge=0.0, le=0.0)] | None
     """The fault; None if the recorder could not see when it began."""
@@ -77,9 +77,29 @@ class Cell(_Record):
     """The commanded speed at the fault."""
     load_percent: Annotated[int, Field(ge=0, le=200)]
     with_lifeline: bool
+    turn: bool = Field(default=False, exclude_if=lambda turn: not turn)
+    """Whether it is a turn on the spot. Then each m of the cell and of its runs is a rad."""
     refused: Sentence | None = None
     """Why the cell was not measured, or was ended early."""
     runs: Annotated[tuple[Run, ...], Field(max_length=MAX_RUNS)] = ()
+
+    @property
+    def speed(self) -> str:
+        """The speed with its unit."""
+        return speed_in_words(self.speed_m_s, turn=self.turn)
+
+
+def speed_in_words(speed: float, *, turn: bool) -> str:
+    """Return a speed with its unit."""
+    return f"{speed:g} {'rad/s' if turn else 'm/s'}"
+
+
+def way_in_words(run: Run, *, turn: bool) -> str:
+    """Return how far a robot that stopped moved, and from which speed."""
+    moved = run.distance_m or 0.0
+    if turn:
+        return f"{moved:.3f} rad from {run.v0_m_s:.2f} rad/s"
+    return f"{100 * moved:.1f} cm from {run.v0_m_s:.2f} m/s"
 
 
 class Conditions(_Record):
@@ -99,6 +119,8 @@ class Instrument(_Record):
     wall_fit: Text
     uncertainty_m: Uncertainty
     """Half width of the 95 % interval of one distance."""
+    uncertainty_rad: Uncertainty | None = Field(default=None, exclude_if=lambda value: value is None)
+    """The same of one turn; None in records without turns."""
     uncertainty_s: Uncertainty
     """The largest error of one time."""
 
@@ -120,6 +142,12 @@ class Passport(_Record):
     cells: Annotated[tuple[Cell, ...], Field(max_length=MAX_CELLS)] = ()
     not_tested: Annotated[tuple[Sentence, ...], Field(max_length=64)] = ()
     deviations: Annotated[tuple[Sentence, ...], Field(max_length=MAX_DEVIATIONS)] = ()
+
+    @model_validator(mode="after")
+    def _has_the_instrument(self) -> Self:
+        if self.instrument.uncertainty_rad is None and any(cell.turn for cell in self.cells):
+            raise ValueError("a turn needs uncertainty_rad")
+        return self
 
     def to_json(self) -> str:
         """Return the JSON text; equal records have equal texts."""

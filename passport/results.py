@@ -71,7 +71,7 @@ class Results:
 
 def is_of(cell: Cell, plan: Plan, load_percent: int) -> bool:
     """Return whether a cell is that of a plan."""
-    planned = (plan.fault.words, plan.speed_m_s, load_percent, True)
+    planned = (plan.fault.words, plan.speed, load_percent, True)
     return (cell.fault, cell.speed_m_s, cell.load_percent, cell.with_lifeline) == planned
 
 
@@ -81,7 +81,11 @@ def with_change(
     """Return the cells with that of a plan changed; it is added if there is none."""
     if not any(is_of(one, plan, load_percent) for one in cells):
         new = Cell(
-            fault=plan.fault.words, speed_m_s=plan.speed_m_s, load_percent=load_percent, with_lifeline=True
+            fault=plan.fault.words,
+            speed_m_s=plan.speed,
+            load_percent=load_percent,
+            with_lifeline=True,
+            turn=plan.is_turn,
         )
         cells = (*cells, new)
     return tuple(change(one) if is_of(one, plan, load_percent) else one for one in cells)

@@ -2,6 +2,7 @@
 
 import asyncio
 import itertools
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -9,14 +10,16 @@ import numpy as np
 from commission.commission import FIND_S
 from commission.driver import LEARN_S, WALL_LOST, AbortedError, Driver, SurpriseError
 from commission.person import Person
-from commission.plan import FACING_RAD, LEAST_BACK_M, RETURN_M_S, SLOW_RAD_S, Base, Drive
+from commission.plan import FACING_RAD, LEAST_BACK_M, RETURN_M_S, SLOW_RAD_S, Drive
 from commission.wall import Wall
 from commission.watch import Watch
 from passport import cells
-from passport.cells import SIDE_M, Fault, Plan
+from passport.cells import SIDE_M, Bases, Fault, Plan
 from passport.injection import InjectionError, Injector, Operator
-from teleop.path.course import Pose, seen_from
+from passport.record import speed_in_words
+from teleop.path.course import Pose, seen_from, wrap
 from teleop.path.permit import what_is_missing
+from teleop.pilots.pilot import NEUTRAL
 from wire.reasons import StopReason
 from wire.standstill import STILL_M_S, is_still
 
@@ -27,10 +30,12 @@ RETURN_LIMIT_S = 20.0
 ARM_LIMIT_S = 5.0
 TURN_RAD = 0.05
 """A robot that faces the wall less exactly is turned to it before a run."""
+AT_ONCE_RAD = 2.0
+"""It turns back in parts: a turn of half a circle could not be told from one the other way."""
 LEAST_SHARE = 0.9
 """Of the commanded speed, at the fault."""
 STANDS_S = 0.5
-UNSEEN = {Fault.LIDAR_SILENT, Fault.ODOMETRY_SILENT, Fault.SUPERVISOR_KILLED, Fault.SUPERVISOR_STOPPED}
+UNSEEN = {Fault.LIDAR_SILENT, Fault.ODOMETRY_SILENT, *(one for one in Fault if one.takes_recorder)}
 """After these, the wall is searched for again."""
 OTHER_STOPS = {StopReason.OBSTACLE, StopReason.ESTOP}
 """A stop by one of these would be shorter than that of the fault."""
@@ -63,15 +68,21 @@ class Rounds:
         operator: the operator's program, which drives toward the wall.
         injector: injects the faults.
         person: any key of them aborts a drive.
-        base: what is assumed of the base.
+        bases: what is assumed of the base.
         source: the command source of the operator's program.
     """
 
     def __init__(
-        self, driver: Driver, operator: Operator, injector: Injector, person: Person, base: Base, source: str
+        self,
+        driver: Driver,
+        operator: Operator,
+        injector: Injector,
+        person: Person,
+        bases: Bases,
+        source: str,
     ) -> None:
         self._driver, self._operator, self._injector = driver, operator, injector
-        self._person, self._base, self._source = person, base, source
+        self._person, self._bases, self._source = person, bases, source
         self.place: Place | None = None
 
     @property
@@ -98,19 +109,32 @@ class Rounds:
     # --- back to the place
 
     async def back(self) -> None:
-        """Drive back to the place, and face the wall.
+        """Face the wall, and drive back to the place.
 
         Raises:
             SurpriseError: something unexpected happened, or the robot is outside the area that was confirmed.
         """
         await self._driver.ready()
+        await self._face()
         there_m = await self._from_place_m()
         if there_m > LEAST_BACK_M:
-            await self._driver.drive(Drive(-there_m, speed=RETURN_M_S).back(there_m), self._base)
-        bearing_rad = self._driver.bearing_rad(await self._wall())
-        if TURN_RAD < abs(bearing_rad) < FACING_RAD:
-            await self._driver.drive(Drive(turn_rad=bearing_rad, speed=SLOW_RAD_S), self._base)
+            await self._driver.drive(Drive(-there_m, speed=RETURN_M_S).back(there_m), self._bases.straight)
+        await self._face()
         await self._from_place_m()
+
+    async def _face(self) -> None:
+        """Turn to the wall if it is ahead, or where odometry expects it after a turn.
+
+        Raises:
+            SurpriseError: something unexpected happened.
+        """
+        assert self.place is not None
+        while abs(bearing_rad := self._driver.bearing_rad(await self._wall())) > TURN_RAD:
+            expected_rad = self.place.pose.yaw_rad - self._driver.trace.odometry[-1].pose.yaw_rad
+            if min(abs(bearing_rad), abs(wrap(bearing_rad - expected_rad))) > FACING_RAD:
+                return
+            turn_rad = math.copysign(min(abs(bearing_rad), AT_ONCE_RAD), bearing_rad)
+            await self._driver.drive(Drive(turn_rad=turn_rad, speed=SLOW_RAD_S), self._bases.turning)
 
     async def _from_place_m(self) -> float:
         """Return how much nearer to the wall than its place the robot stands.
@@ -152,7 +176,7 @@ class Rounds:
         Raises:
             SurpriseError: something unexpected happened before the fault, or a key was pressed.
         """
-        problem = cells.problem(plan, self._base, self._driver.gap_m(await self._wall()))
+        problem = cells.problem(plan, self._bases.of(plan), self._driver.gap_m(await self._wall()))
         if problem is not None:
             raise SurpriseError(problem)
         try:
@@ -161,7 +185,7 @@ class Rounds:
         except InjectionError as error:
             raise SurpriseError(str(error)) from error
         finally:
-            self._operator.request(0.0)
+            self._operator.request(NEUTRAL)
             await self._operator.end()
 
     async def _start_operator(self, *, with_link: bool) -> None:
@@ -175,7 +199,7 @@ class Rounds:
             starting.cancel()
         end_s = self._driver.now_s + ARM_LIMIT_S
         while (missing := self._missing()) is not None:
-            self._operator.request(0.0)
+            self._operator.request(NEUTRAL)
             await self._driver.beat()
             if self._driver.now_s > end_s:
                 raise SurpriseError(f"the operator's program may not drive: {missing}")
@@ -192,18 +216,19 @@ class Rounds:
         before = driver.trace.between(start_s, driver.now_s).mean_wall()
         if before is None:
             raise SurpriseError(WALL_LOST)
-        drive = Drive(self._base.run_up_m(plan.speed_m_s), speed=plan.speed_m_s)
+        base = self._bases.of(plan)
+        drive = cells.drive_of(plan, base)
         start = driver.trace.odometry[-1].pose
-        watch = Watch(drive, self._base, start, before, driver.gap_m(before), driver.now_s, is_first=False)
+        watch = Watch(drive, base, start, before, driver.gap_m(before), driver.now_s, is_first=False)
         while not watch.is_done(driver.trace.odometry[-1], driver.wall()):
-            self._operator.request(plan.speed_m_s)
+            self._operator.request(plan.velocity)
             driver.check(await driver.beat(), watch)
             self._person.show(f"{plan.fault.words}: {watch.progress(driver.trace.odometry[-1])}")
-        speed_m_s = driver.trace.odometry[-1].linear_m_s
-        if speed_m_s < LEAST_SHARE * plan.speed_m_s:
-            raise SurpriseError(
-                f"it drives {speed_m_s:.2f} m/s only: the supervisor or the base limits its speed"
-            )
+        newest = driver.trace.odometry[-1]
+        speed = newest.angular_rad_s if plan.is_turn else newest.linear_m_s
+        if speed < LEAST_SHARE * plan.speed:
+            shown = speed_in_words(round(speed, 2), turn=plan.is_turn)
+            raise SurpriseError(f"it drives {shown} only: the supervisor or the base limits its speed")
         fault_s = await self._injector.begin(plan.fault)
         seen = Seen(start_s, start, before, fault_s, fault_s, is_stopped=False)
         try:
@@ -214,11 +239,15 @@ class Rounds:
         if plan.fault in UNSEEN:
             await self.all_heard()
             await self._find_wall()
+        if plan.fault is Fault.ROS2_KILLED and not self._stood(
+            fault_s + cells.standing_s(plan, self._bases.of(plan))
+        ):
+            return await self._stop_it(seen)
         return await self._at_rest(plan, seen)
 
     async def _watch(self, plan: Plan, fault_s: float, watch: Watch) -> bool:
         """Record until the robot stands, or as long as a robot needs of which nothing is seen; return whether it stopped."""
-        stands_s = fault_s + cells.standing_s(plan, self._base)
+        stands_s = fault_s + cells.standing_s(plan, self._bases.of(plan))
         while True:
             await self._go_on(plan)
             now_s = self._driver.now_s
@@ -235,12 +264,12 @@ class Rounds:
                 return False
 
     async def _go_on(self, plan: Plan) -> None:
-        """Let the operator request motion, except after a plain zero.
+        """Let the operator request the same as before, except after a plain zero.
 
         Raises:
             SurpriseError: a key was pressed, or something else has stopped the robot.
         """
-        self._operator.request(0.0 if plan.fault is Fault.ZERO else plan.speed_m_s)
+        self._operator.request(plan.after)
         if plan.fault is Fault.ESTOP and not self.is_estop_latched:
             self._injector.press_estop()
         await self._driver.beat()
@@ -253,6 +282,11 @@ class Rounds:
     def _check_key(self) -> None:
         if (key := self._driver.key()) is not None:
             raise SurpriseError(key)
+
+    def _stood(self, at_s: float) -> bool:
+        """Return whether the first that odometry said after a time is that the robot stood."""
+        first = next(one for one in self._driver.trace.odometry if one.at_s > at_s)
+        return is_still(first.linear_m_s, first.angular_rad_s)
 
     def _stands(self) -> bool:
         """Return whether odometry, or the wall while odometry is silent, has shown a standing robot for `STANDS_S`.
@@ -272,7 +306,7 @@ class Rounds:
         return max(distances) - min(distances) < STILL_M_S * STANDS_S
 
     async def _stop_it(self, seen: Seen) -> Seen:
-        self._operator.request(0.0)
+        self._operator.request(NEUTRAL)
         self._injector.press_estop()
         self._person.say(
             "The robot did not stop. The e-stop of Lifeline is pressed: if it still moves, press its own."

@@ -16,7 +16,7 @@ from commission.estimate import Floats
 from commission.stopping import STEADY_S, stop_of
 from commission.trace import Command
 from passport.record import MAX_SAMPLES, Run
-from wire.standstill import STILL_M_S
+from wire.standstill import STILL_M_S, STILL_RAD_S
 
 STARTED_SHARE = 0.95
 """Below this share of the speed at the fault, the robot brakes."""
@@ -41,8 +41,11 @@ def run_of(
     scale: float = 1.0,
     latency_s: float = 0.0,
     uncertainty_m: float = 0.0,
+    is_turn: bool = False,
 ) -> Run | None:
     """Return the run; None if the robot did not drive steadily before the fault, or the wall or odometry is missing.
+
+    Of a turn, each m is a rad, and the bearing of the wall stands for its distance.
 
     Args:
         fault_s: when the fault began.
@@ -54,12 +57,17 @@ def run_of(
         scale: true distance divided by distance of odometry.
         latency_s: latency of the scans.
         uncertainty_m: a smaller difference between lidar and odometry is no slip.
+        is_turn: whether the robot turns on the spot.
     """
     stop = stop_of(fault_s, rest_s, odometry, walls, scale=scale, latency_s=latency_s)
     if stop is None:
         return None
     apart_m = abs(stop.way_m - stop.odometry_m)
-    times = _times(fault_s, rest_s, commands, odometry, walls, scale, latency_s) if is_seen else NOT_SEEN
+    still = STILL_RAD_S if is_turn else STILL_M_S
+    times = (
+        _times(fault_s, rest_s, commands, odometry, walls, scale, latency_s, still) if is_seen else NOT_SEEN
+    )
+    least_m = math.inf if is_turn else SLIP_M
     braking_s = 0.0 if times.t2_s is None or times.t3_s is None else times.t3_s - times.t2_s
     try:
         return Run(
@@ -68,7 +76,7 @@ def run_of(
             distance_m=stop.way_m,
             odometry_m=stop.odometry_m,
             deceleration_m_s2=STARTED_SHARE * stop.speed_m_s / braking_s if braking_s > 0.0 else None,
-            slip=apart_m > SLIP_M or apart_m > max(SLIP_SHARE * abs(stop.way_m), uncertainty_m),
+            slip=apart_m > least_m or apart_m > max(SLIP_SHARE * abs(stop.way_m), uncertainty_m),
             stopped=True,
         )
     except ValidationError:  # no robot is that fast, or drives that far
@@ -130,12 +138,13 @@ def _times(
     walls: Floats,
     scale: float,
     latency_s: float,
+    still: float,
 ) -> _Times:
     motion = _by_odometry(odometry, fault_s, scale)
     if _longest_gap_s(motion[:, 0], 0.0, rest_s - fault_s) > SILENT_S:
         motion = _by_wall(walls, fault_s + latency_s)
     before = motion[(motion[:, 0] > -STEADY_S) & (motion[:, 0] <= 0.0)]
-    t3_s = _standstill(motion)
+    t3_s = _standstill(motion, still)
     return _Times(
         0.0,
         _zero(commands, fault_s, rest_s),
@@ -179,11 +188,11 @@ def _after_last(motion: Floats, holds: "np.ndarray[tuple[int], np.dtype[np.bool_
     return float(later[0]) if len(later) else None
 
 
-def _standstill(motion: Floats) -> float | None:
-    """Return the time from which the speed remains below 0.01 m/s for `STILL_S`; None if it never does."""
+def _standstill(motion: Floats, still: float) -> float | None:
+    """Return the time from which the speed remains below that of a standing robot for `STILL_S`; None if it never does."""
     since_s = math.nan
     for at_s, speed_m_s, _ in motion[motion[:, 0] > 0.0].tolist():
-        if abs(speed_m_s) >= STILL_M_S:
+        if abs(speed_m_s) >= still:
             since_s = math.nan
         elif math.isnan(since_s):
             since_s = at_s

@@ -36,6 +36,7 @@ def rows(passport: Passport) -> list[Row]:
 
 def _row(passport: Passport, cell: Cell, together: int) -> Row:
     instrument = passport.instrument
+    uncertainty = instrument.uncertainty_rad if cell.turn else instrument.uncertainty_m
 
     def limit_of(value: Callable[[Run], float | None], uncertainty: float) -> Limit | None:
         # A run that does not show the quantity may be the longest of all: it counts as longer than any other.
@@ -49,17 +50,18 @@ def _row(passport: Passport, cell: Cell, together: int) -> Row:
         sum(not run.stopped for run in cell.runs),
         limit_of(lambda run: run.t2_s, instrument.uncertainty_s),
         limit_of(lambda run: run.t3_s, instrument.uncertainty_s),
-        limit_of(lambda run: run.distance_m, instrument.uncertainty_m),
+        limit_of(lambda run: run.distance_m, uncertainty or 0.0),
         min((run.deceleration_m_s2 for run in cell.runs if run.deceleration_m_s2 is not None), default=None),
         sum(run.slip for run in cell.runs),
     )
 
 
 def _spoken_of(passport: Passport) -> list[Cell]:
-    """Return the cells of the sentence: those at the highest measured speed, with Lifeline if there are any."""
+    """Return the cells of the sentence: those at the highest measured speed, straight and with Lifeline if there are any."""
     measured = [cell for cell in passport.cells if cell.runs]
     with_lifeline = any(cell.with_lifeline for cell in measured)
     alike = [cell for cell in measured if cell.with_lifeline == with_lifeline]
+    alike = [cell for cell in alike if not cell.turn] or alike
     fastest_m_s = max((cell.speed_m_s for cell in alike), default=0.0)
     return [cell for cell in alike if cell.speed_m_s == fastest_m_s]
 
@@ -77,7 +79,8 @@ def sentence(passport: Passport) -> str:
         return f"{where}, this robot DID NOT STOP by itself after: {each}."
     distances = [row.distance_m for row in found if row.distance_m is not None]
     times = [row.stopping_s for row in found if row.stopping_s is not None]
-    what = f"{where}, this robot stood within {rounded_up(max(one.value for one in distances))} m"
+    unit = "rad" if spoken[0].turn else "m"
+    what = f"{where}, this robot stood within {rounded_up(max(one.value for one in distances))} {unit}"
     if times:
         longest = f"within {rounded_up(max(one.value for one in times))} s"
         which = (
@@ -95,7 +98,7 @@ def _where(spoken: Sequence[Cell]) -> str:
     loaded = " and ".join(f"{load} %" for load in loads)
     without = "" if spoken[0].with_lifeline else " without Lifeline"
     which = "the one fault tested" if faults == 1 else f"any of the {faults} faults tested"
-    return f"After {which}{without}, at {spoken[0].speed_m_s:g} m/s with {loaded} load"
+    return f"After {which}{without}, at {spoken[0].speed} with {loaded} load"
 
 
 def _number(cells: int) -> str:
@@ -119,7 +122,7 @@ def not_shown(passport: Passport) -> Iterator[str]:
     yield from passport.not_tested
     for cell in passport.cells:
         if cell.refused is not None:
-            yield f"{cell.fault} at {cell.speed_m_s:g} m/s, load {cell.load_percent} %: {cell.refused}"
+            yield f"{cell.fault} at {cell.speed}, load {cell.load_percent} %: {cell.refused}"
     spoken = _spoken_of(passport)
     runs = min((len(cell.runs) for cell in spoken), default=0)
     if runs and all(run.stopped for cell in spoken for run in cell.runs):

@@ -19,6 +19,7 @@ from passport.record import Cell, Passport, Run, from_json
 from sim.config import SimSection
 from sim.service import SimService
 from supervisor.config import SupervisorSection
+from teleop.pilots.pilot import NEUTRAL, Velocity
 from tests.component.rig import Rig
 from tests.component.test_commission import ForeignPlant, ScriptedPerson
 from virtual.network import VirtualBus
@@ -58,7 +59,7 @@ class VirtualOperator(Operator):
 
     def __init__(self, rig: Rig, launch: Launch) -> None:
         super().__init__(launch, topics.TELEOP)
-        self._rig, self._speed_m_s = rig, 0.0
+        self._rig, self._velocity = rig, NEUTRAL
         self._bus: VirtualBus | None = None
 
     async def start(self, *, with_link: bool) -> None:
@@ -68,13 +69,13 @@ class VirtualOperator(Operator):
 
         async def repeat() -> None:
             while True:
-                commands.put(planar_twist(self._speed_m_s, 0.0))
+                commands.put(planar_twist(*self._velocity))
                 await asyncio.sleep(0.05)
 
         self._beating = asyncio.create_task(repeat())
 
-    def request(self, speed_m_s: float) -> None:
-        self._speed_m_s = speed_m_s
+    def request(self, velocity: Velocity) -> None:
+        self._velocity = velocity
 
     def hit(self, fault: Fault) -> None:
         assert fault is Fault.OPERATOR_KILLED
@@ -162,7 +163,7 @@ async def test_the_stops_are_those_of_the_robot_and_a_complete_measurement_does_
             assert run.deceleration_m_s2 == pytest.approx(BRAKING_M_S2, rel=0.2), fault
             assert not run.slip
         refused = subject.cell(Fault.SUPERVISOR_KILLED)
-        assert refused.refused == "the process of the supervisor is not one of this computer's `lifeline up`"
+        assert refused.refused == "the process supervisor is not one of this computer's `lifeline up`"
         assert refused.runs == ()
         assert subject.record.conditions.loads == ("0 %: 5 kg",)
         assert "; at the last run, load average " in subject.record.conditions.machine_load
@@ -171,6 +172,30 @@ async def test_the_stops_are_those_of_the_robot_and_a_complete_measurement_does_
         pose = subject.plant.true_pose
         assert await subject.measure(*SEEN) == 0
         assert subject.plant.true_pose == pytest.approx(pose, abs=1e-3)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(600)
+async def test_a_turn_is_measured_in_rad_and_the_robot_faces_the_wall_again_for_the_next_run(
+    tmp_path: Path,
+) -> None:
+    async with site(tmp_path) as subject:
+        rate_rad_s, braking_rad_s2 = subject.robot.top.angular_rad_s, SIM.angular_braking_rad_s2
+        assert await subject.measure(Fault.TURN, Fault.ESTOP) == 0, "\n".join(subject.said)
+        run, cell = subject.run(Fault.TURN), subject.cell(Fault.TURN)
+        assert run.t1_s is not None
+        assert run.t3_s is not None
+        assert cell.turn
+        assert cell.speed_m_s == rate_rad_s
+        assert run.v0_m_s == pytest.approx(rate_rad_s, rel=0.02)
+        within_rad = subject.record.instrument.uncertainty_rad
+        truth_rad = rate_rad_s * (DEAD_S + run.t1_s) + rate_rad_s**2 / (2.0 * braking_rad_s2)
+        assert run.distance_m == pytest.approx(truth_rad, abs=within_rad)
+        assert run.odometry_m == pytest.approx(truth_rad, abs=within_rad)
+        assert run.t3_s == pytest.approx(run.t1_s + DEAD_S + rate_rad_s / braking_rad_s2, abs=0.08)
+        assert not run.slip
+        assert subject.run(Fault.ESTOP).stopped
+        assert not subject.cell(Fault.ESTOP).turn
 
 
 @pytest.mark.long

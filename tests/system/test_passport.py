@@ -61,13 +61,18 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 class Site:
-    """A simulated robot in front of a wall, in a directory of its own."""
+    """A robot in front of a wall, in a directory of its own.
 
-    def __init__(self, directory: Path) -> None:
+    Args:
+        directory: short, because of the socket in it.
+        robot: its file; default: a simulated robot.
+    """
+
+    def __init__(self, directory: Path, robot: str = ROBOT) -> None:
         self.file, self.out = directory / "robot.toml", directory / "passport.json"
         self.endpoint = free_endpoint()
         self._options = ("--endpoint", self.endpoint, "--state-dir", str(directory / "state"))
-        self.file.write_text(ROBOT)
+        self.file.write_text(robot)
         (directory / "hall.toml").write_text(HALL)
 
     def up(self) -> None:
@@ -182,4 +187,4 @@ def test_without_a_terminal_nothing_moves_and_it_says_why(site: Site) -> None:
 def test_a_fault_that_does_not_exist_is_refused_with_the_names_of_all(site: Site) -> None:
     refused = run("passport", "measure", str(site.file), "--fault", "fire")
     assert refused.returncode == 2
-    assert "'fire' is not a valid Fault; there are: zero, operator-killed" in refused.stderr
+    assert "'fire' is not a valid Fault; there are: zero, turn, operator-killed" in refused.stderr

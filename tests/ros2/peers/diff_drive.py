@@ -37,7 +37,7 @@ class Robot:
     def __init__(self, options: argparse.Namespace, ros_arguments: list[str]) -> None:
         self.node = make_node("diff_drive", ros_arguments)
         self._timeout_s, self._ahead_ns = options.timeout, round(options.ahead * 1e9)
-        self._drive = Drive(options.timeout)
+        self._drive = Drive(options.timeout, x_m=options.x)
         self._stepped_s = time.monotonic()
         self._odom = self.node.create_publisher(Odometry, "odom", qos())
         self._truth = self.node.create_publisher(Odometry, "odom/truth", qos())
@@ -106,6 +106,9 @@ def main() -> None:
     parser.add_argument("--stamped", action="store_true", help="cmd_vel is a TwistStamped")
     parser.add_argument(
         "--ahead", type=float, default=0.0, metavar="SECONDS", help="its clock less the host's"
+    )
+    parser.add_argument(
+        "--x", type=float, default=0.0, metavar="M", help="where it starts, ahead of the middle"
     )
     robot = Robot(*parser.parse_known_args())
     spin(robot.node, robot.obey)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from commission.plan import Base, Drive
-from commission.trace import LOST_S, Odom, Trace
+from commission.trace import LOST_S, Odom, Scan, Trace
 from commission.wall import Wall
 from commission.watch import NEARER_M, NEAREST_M, START_S, WRONG_WAY_M, Watch
 from supervisor.law.reckoning import Pose as LawPose
@@ -85,6 +85,20 @@ def test_the_way_ahead_is_along_the_heading_at_the_start() -> None:
     trace = Trace(Mount())
     trace.odometry.append(Odom(1.0, Pose(1.0, 2.5, 0.0), 0.2, 0.0))
     assert trace.toward(START).tolist() == [[1.0, pytest.approx(0.5), 0.2]]
+
+
+def test_a_turn_of_more_than_half_a_circle_has_no_jump() -> None:
+    trace = Trace(Mount())
+    assert trace.turning(START).shape == (0, 3)
+    assert trace.bearings().shape == (0, 2)
+    for step in range(5):
+        yaw_rad = math.remainder(START.yaw_rad + step, math.tau)
+        trace.odometry.append(Odom(float(step), Pose(0.0, 0.0, yaw_rad), 0.0, 1.0))
+        wall = Wall(3.0, math.remainder(0.3 - step, math.tau), 4.0)
+        trace.scans.append(Scan(float(step), np.empty(0), wall))
+    trace.scans.append(Scan(5.0, np.empty(0), None))
+    assert trace.turning(START).tolist() == [[step, pytest.approx(step), 1.0] for step in range(5)]
+    assert trace.bearings().tolist() == [[step, pytest.approx(0.3 - step)] for step in range(5)]
 
 
 # --- surprises

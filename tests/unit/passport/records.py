@@ -3,7 +3,7 @@
 from passport.cells import NOT_TESTED
 from passport.record import Cell, Conditions, Instrument, Passport, Run
 
-UNCERTAINTY_M, UNCERTAINTY_S = 0.01, 0.02
+UNCERTAINTY_M, UNCERTAINTY_RAD, UNCERTAINTY_S = 0.01, 0.03, 0.02
 
 
 def run(
@@ -32,13 +32,19 @@ def run(
 
 
 def cell(
-    fault: str, *runs: Run, speed_m_s: float = 0.8, load_percent: int = 0, refused: str | None = None
+    fault: str,
+    *runs: Run,
+    speed_m_s: float = 0.8,
+    load_percent: int = 0,
+    refused: str | None = None,
+    turn: bool = False,
 ) -> Cell:
     return Cell(
         fault=fault,
         speed_m_s=speed_m_s,
         load_percent=load_percent,
         with_lifeline=True,
+        turn=turn,
         refused=refused,
         runs=runs,
     )
@@ -52,7 +58,12 @@ def record(*cells: Cell, robot: str = "robot", version: str = "1") -> Passport:
         configuration_sha256="0" * 64,
         date="2026-11-28 16:30 UTC",
         conditions=Conditions(top_speed_m_s=0.8, loads=("0 %: 0 kg",), floor="concrete", machine_load="0.3"),
-        instrument=Instrument(wall_fit="line", uncertainty_m=UNCERTAINTY_M, uncertainty_s=UNCERTAINTY_S),
+        instrument=Instrument(
+            wall_fit="line",
+            uncertainty_m=UNCERTAINTY_M,
+            uncertainty_rad=UNCERTAINTY_RAD if any(one.turn for one in cells) else None,
+            uncertainty_s=UNCERTAINTY_S,
+        ),
         cells=cells,
         not_tested=NOT_TESTED,
     )

@@ -10,21 +10,25 @@ from deploy.stack.errors import DeployError
 from passport.cells import (
     LATER_S,
     LEAST_DECELERATION_M_S2,
+    TURN_STEADY_S,
     WORDS,
     Fault,
     Plan,
+    drive_of,
     faults_named,
     needs_m,
     plans,
     problem,
     standing_s,
-    trusted_base,
+    trusted_bases,
 )
 from passport.instrument import instrument
 from supervisor.config import SupervisorSection
 from supervisor.measured import MeasuredSection, MeasuredValue
+from teleop.pilots.pilot import NEUTRAL, Velocity
 
 BASE = Base(0.5, 2.0, 0.3)
+TOP = Velocity(0.8, 2.0)
 CONFIG = SupervisorSection()
 
 
@@ -33,12 +37,21 @@ def value(number: float, limit: float) -> MeasuredValue:
 
 
 def test_the_plain_zero_has_three_speeds_and_each_fault_the_top_speed() -> None:
-    found = list(plans(0.8))
+    found = list(plans(TOP))
     assert found[:3] == [Plan(Fault.ZERO, speed) for speed in (0.264, 0.528, 0.8)]
-    assert [one.fault for one in found[3:]] == [one for one in Fault if one is not Fault.ZERO]
-    assert {one.speed_m_s for one in found[3:]} == {0.8}
+    others = [one for one in Fault if one not in {Fault.ZERO, Fault.ROS2_KILLED}]
+    assert [one.fault for one in found[3:]] == others
+    assert found[3] == Plan(Fault.TURN, 2.0)
+    assert {one.speed for one in found[4:]} == {0.8}
     assert [one.fault.takes_recorder for one in found] == (len(found) - 2) * [False] + 2 * [True]
-    assert list(plans(0.8, [Fault.ESTOP])) == [Plan(Fault.ESTOP, 0.8)]
+    assert list(plans(TOP, [Fault.ESTOP])) == [Plan(Fault.ESTOP, 0.8)]
+
+
+def test_only_a_ros2_robot_has_the_fault_of_its_process_unless_it_is_asked_for() -> None:
+    killed = Plan(Fault.ROS2_KILLED, 0.8)
+    assert [*plans(TOP), killed] == list(plans(TOP, has_ros2=True))
+    assert list(plans(TOP, [Fault.ROS2_KILLED])) == [killed]
+    assert killed.fault.takes_recorder
 
 
 def test_each_fault_has_words_of_its_own() -> None:
@@ -47,7 +60,9 @@ def test_each_fault_has_words_of_its_own() -> None:
 
 def test_a_fault_is_found_by_its_name_and_another_name_is_refused_with_the_names() -> None:
     assert faults_named(["estop", "zero"]) == [Fault.ESTOP, Fault.ZERO]
-    with pytest.raises(DeployError, match="'fire' is not a valid Fault; there are: zero, operator-killed"):
+    with pytest.raises(
+        DeployError, match="'fire' is not a valid Fault; there are: zero, turn, operator-killed"
+    ):
         faults_named(["fire"])
 
 
@@ -71,29 +86,64 @@ def test_a_speed_at_which_no_stop_is_measured_is_refused() -> None:
     assert problem(Plan(Fault.ZERO, 0.079), BASE, 10.0) == "stops are measured from 0.08 m/s on"
 
 
+def test_a_turn_needs_no_way_ahead_but_an_angle_that_can_be_followed() -> None:
+    base = Base(1.5, 5.0, 0.3)
+    plan = Plan(Fault.TURN, 2.0)
+    drive = drive_of(plan, base)
+    assert (drive.way_m, drive.speed) == (0.0, 2.0)
+    assert drive.turn_rad == pytest.approx(2.0**2 / 3.0 + 2.0 * TURN_STEADY_S)
+    assert needs_m(plan, base) == MARGIN_M
+    assert problem(plan, base, MARGIN_M) is None
+    assert problem(plan, base, 0.4) == "it needs 0.50 m ahead of the hull, and the wall is 0.40 m away"
+    weak = Base(0.5, 5.0, 0.3)
+    assert problem(plan, weak, 9.0) == "it needs a turn of 5.2 rad, and more than 3 rad are not followed"
+    assert problem(Plan(Fault.TURN, 0.05), base, 9.0) == "stops are measured from 0.08 rad/s on"
+
+
+def test_a_plan_knows_what_the_operator_requests_before_and_after_its_fault() -> None:
+    zero, turn, killed = Plan(Fault.ZERO, 0.4), Plan(Fault.TURN, 2.0), Plan(Fault.OPERATOR_KILLED, 0.8)
+    assert [one.velocity for one in (zero, turn, killed)] == [(0.4, 0.0), (0.0, 2.0), (0.8, 0.0)]
+    assert [one.after for one in (zero, turn, killed)] == [NEUTRAL, NEUTRAL, (0.8, 0.0)]
+    assert [str(one) for one in (zero, turn)] == ["plain zero at 0.4 m/s", "plain zero in a turn at 2 rad/s"]
+
+
+def test_in_a_turn_the_rim_of_the_hull_is_trusted_as_far_as_its_centre() -> None:
+    bases = trusted_bases(CONFIG, None)
+    turning = bases.of(Plan(Fault.TURN, 1.0))
+    assert bases.of(Plan(Fault.ZERO, 1.0)) == bases.straight
+    assert turning.acceleration_m_s2 == CONFIG.base_angular_acceleration_rad_s2
+    assert turning.deceleration_m_s2 * CONFIG.footprint.hull().radius_m == pytest.approx(
+        CONFIG.deceleration_m_s2
+    )
+    assert turning.reaction_s == bases.straight.reaction_s
+
+
 def test_the_base_is_trusted_as_far_as_it_is_configured_and_measured() -> None:
-    configured = trusted_base(CONFIG, None)
+    configured = trusted_bases(CONFIG, None).straight
     assert configured.deceleration_m_s2 == CONFIG.deceleration_m_s2
     assert configured.reaction_s == pytest.approx(CONFIG.odom_timeout_s + CONFIG.transport_s)
-    assert trusted_base(CONFIG, MeasuredSection()) == configured
+    assert trusted_bases(CONFIG, MeasuredSection()).straight == configured
     better = MeasuredSection(
         deceleration_m_s2=value(2.0, 1.9), dead_time_s=value(0.0, -0.01), base_timeout_s=value(0.1, 0.1)
     )
-    assert trusted_base(CONFIG, better) == configured
+    assert trusted_bases(CONFIG, better).straight == configured
     worse = MeasuredSection(
         deceleration_m_s2=value(1.0, 0.8), dead_time_s=value(0.1, 0.12), base_timeout_s=value(0.4, 0.5)
     )
-    found = trusted_base(CONFIG, worse)
+    found = trusted_bases(CONFIG, worse).straight
     assert (found.acceleration_m_s2, found.deceleration_m_s2) == (CONFIG.base_acceleration_m_s2, 0.8)
     assert found.reaction_s == pytest.approx(0.5 + 0.12 + CONFIG.transport_s)
 
 
 def test_a_measured_deceleration_without_meaning_counts_as_the_least() -> None:
     measured = MeasuredSection(deceleration_m_s2=value(1.0, -3.0))
-    assert trusted_base(CONFIG, measured).deceleration_m_s2 == LEAST_DECELERATION_M_S2
+    assert trusted_bases(CONFIG, measured).straight.deceleration_m_s2 == LEAST_DECELERATION_M_S2
 
 
 # --- the instrument
+
+
+BEARINGS = np.stack((0.05 * np.arange(60), np.full(60, 0.1)), axis=1)
 
 
 def at_rest(noise_m: float, scans: int = 60) -> np.ndarray:
@@ -103,16 +153,21 @@ def at_rest(noise_m: float, scans: int = 60) -> np.ndarray:
 
 def test_the_uncertainty_is_that_of_two_distances_and_of_the_latency() -> None:
     odometry_s = [0.0, 0.02, 0.05, 0.07, 0.09, 0.11, 0.13, 0.15, 0.17, 0.19]
-    found = instrument("front", at_rest(0.001), odometry_s, top_m_s=0.5, latency_s=0.004)
+    bearings = at_rest(0.002)
+    top = Velocity(0.5, 1.5)
+    found = instrument("front", at_rest(0.001), bearings, odometry_s, top=top, latency_s=0.004)
     assert found is not None
     assert found.uncertainty_m == pytest.approx(2.0 * math.sqrt(2.0) * 0.001 + 0.5 * 0.004, rel=0.01)
+    assert found.uncertainty_rad == pytest.approx(2.0 * math.sqrt(2.0) * 0.002 + 1.5 * 0.004, rel=0.01)
     assert found.uncertainty_s == pytest.approx(0.03)
     assert "front" in found.wall_fit
 
 
 def test_a_latency_that_was_not_measured_counts_as_a_period() -> None:
-    found = instrument("front", at_rest(0.0), [0.02 * n for n in range(10)], top_m_s=0.5, latency_s=None)
+    odometry_s = [0.02 * n for n in range(10)]
+    found = instrument("front", at_rest(0.0), BEARINGS, odometry_s, top=Velocity(0.5, 1.0), latency_s=None)
     assert found is not None
+    assert found.uncertainty_rad == pytest.approx(1.0 * 0.05)
     assert found.uncertainty_m == pytest.approx(0.5 * 0.05)
 
 
@@ -128,4 +183,5 @@ def test_a_latency_that_was_not_measured_counts_as_a_period() -> None:
 def test_a_wall_or_odometry_that_is_hardly_seen_is_no_instrument(
     walls: np.ndarray, odometry_s: list[float]
 ) -> None:
-    assert instrument("front", walls, odometry_s, top_m_s=0.5, latency_s=0.0) is None
+    top = Velocity(0.5, 1.0)
+    assert instrument("front", walls, BEARINGS, odometry_s, top=top, latency_s=0.0) is None

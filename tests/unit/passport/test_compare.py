@@ -18,6 +18,18 @@ def test_a_longer_distance_is_worse_and_a_shorter_one_is_not() -> None:
     )
 
 
+def test_a_turn_has_an_angle_in_rad() -> None:
+    found = changes(
+        record(cell("turn", run(0.3), speed_m_s=2.0, turn=True)),
+        record(cell("turn", run(0.4), speed_m_s=2.0, turn=True)),
+    )
+    assert [(one.quantity, one.unit, one.is_worse) for one in found] == [
+        ("angle", "rad", True),
+        ("stopping time", "s", False),
+        ("reaction", "s", False),
+    ]
+
+
 def test_a_difference_below_half_a_millimetre_is_none() -> None:
     (distance, *_) = changes(record(cell(KILLED, run(0.3))), record(cell(KILLED, run(0.3 + 0.9 * SAME))))
     assert not distance.is_worse

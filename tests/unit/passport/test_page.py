@@ -74,6 +74,24 @@ def test_only_a_limit_that_is_proven_is_bold() -> None:
     assert "<td>0.31</td>" in shown(record(cell("plain zero", run())))
 
 
+def test_a_turn_is_shown_in_rad_and_not_in_the_curves() -> None:
+    turn = cell("plain zero in a turn", run(0.4, v0_m_s=2.0), speed_m_s=2.0, turn=True)
+    text = shown(record(turn, cell("e-stop", run())))
+    assert '<td class="l">plain zero in a turn</td><td>2 rad/s</td>' in text
+    assert "<td>0.43 rad</td><td>1.80 rad/s²</td>" in text
+    assert "<h3>plain zero in a turn, 2 rad/s, load 0 %</h3>" in text
+    assert "1: 0.400 rad from 2.00 rad/s, 0.50 s" in text
+    assert "<dt>turns by</dt><dd>the direction of this line; ± 30 mrad (95 %)</dd>" in text
+    assert "<b>a turn</b>" in text
+    assert text.count('<circle class="run"') == 2
+    assert "a turn" not in shown(FULL).partition('type="application/json"')[0]
+
+
+def test_the_proven_limit_of_a_turn_has_its_unit_too() -> None:
+    text = shown(record(cell("turn", *[run(0.4)] * 59, turn=True)))
+    assert "<td><b>0.43</b> rad</td>" in text
+
+
 def test_a_page_shows_the_digest_and_who_signed() -> None:
     assert digest(FULL) in shown(FULL)
     assert "<dd>nobody</dd>" in shown(FULL)

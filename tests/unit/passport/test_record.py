@@ -55,6 +55,22 @@ PASSPORT = Passport(
 )
 
 
+def test_a_record_without_turns_has_the_text_that_it_had_before_there_were_turns() -> None:
+    """Else its digest would be another, and its signature would end."""
+    assert "uncertainty_rad" not in PASSPORT.to_json()
+    keys = list(json.loads(CELL.model_dump_json()))
+    assert keys == ["fault", "speed_m_s", "load_percent", "with_lifeline", "refused", "runs"]
+
+
+def test_a_turn_is_written_and_needs_its_uncertainty() -> None:
+    turn = CELL.model_copy(update={"turn": True})
+    instrument = PASSPORT.instrument.model_copy(update={"uncertainty_rad": 0.03})
+    written = PASSPORT.model_copy(update={"cells": (turn,), "instrument": instrument})
+    assert from_json(written.to_json()) == written
+    with pytest.raises(ForeignError, match="a turn needs uncertainty_rad"):
+        from_json(PASSPORT.model_copy(update={"cells": (turn,)}).to_json())
+
+
 def test_a_record_is_what_was_written() -> None:
     assert from_json(PASSPORT.to_json()) == PASSPORT
     assert PASSPORT.to_json() == from_json(PASSPORT.to_json()).to_json()

@@ -115,6 +115,19 @@ def test_slip_is_a_difference_of_2_cm_or_of_5_percent_that_the_instrument_can_se
     assert done(truth, walls=walls, uncertainty_m=uncertainty_m).slip is slip
 
 
+def test_a_turn_stands_below_its_own_speed_and_slips_by_its_own_share() -> None:
+    truth = Stopped(speed_m_s=2.0, braking_m_s2=8.0)
+    walls, odometry = truth.walls(), truth.odometry()
+    walls[walls[:, 0] > FAULT_S, 1] -= 0.04
+    odometry[odometry[:, 0] > FAULT_S, 2] += 0.015
+    for is_turn in (False, True):
+        found = run_of(FAULT_S, REST_S, COMMANDS, odometry, walls, uncertainty_m=0.06, is_turn=is_turn)
+        assert found is not None
+        assert (found.t3_s is not None) is is_turn
+        assert found.slip is not is_turn
+        assert found.distance_m == pytest.approx(truth.distance_m + 0.04, abs=0.01)
+
+
 @pytest.mark.parametrize(
     ("zeros", "t1_s"),
     [

@@ -1,9 +1,9 @@
 """Rows and the sentence of a passport."""
 
 from passport.summary import not_shown, rows, sentence
-from tests.unit.passport.records import UNCERTAINTY_M, UNCERTAINTY_S, cell, record, run
+from tests.unit.passport.records import UNCERTAINTY_M, UNCERTAINTY_RAD, UNCERTAINTY_S, cell, record, run
 
-KILLED, SILENT = "operator's program killed", "supervisor killed"
+KILLED, SILENT, TURN = "operator's program killed", "supervisor killed", "plain zero in a turn"
 
 
 def test_a_row_has_the_limits_with_the_uncertainty_of_the_instrument() -> None:
@@ -54,6 +54,20 @@ def test_a_run_that_does_not_show_a_time_counts_as_longer_than_any_other() -> No
     assert second.stopping_s.runs == 93
     (most,) = rows(record(cell(KILLED, *[run()] * 91, lost, lost)))
     assert most.stopping_s is None
+
+
+def test_a_turn_is_in_rad_and_in_the_sentence_only_if_nothing_else_was_measured() -> None:
+    turn = cell(TURN, run(0.4, v0_m_s=2.0), speed_m_s=2.0, turn=True)
+    for cells in ((turn, cell(KILLED, run(0.3))), (cell(KILLED, run(0.3)), turn)):
+        assert "at 0.8 m/s with 0 % load, this robot stood within 0.31 m and" in sentence(record(*cells))
+    (row,) = rows(record(turn))
+    assert row.distance_m is not None
+    assert row.distance_m.value == 0.4 + UNCERTAINTY_RAD
+    assert sentence(record(turn)) == (
+        "After the one fault tested, at 2 rad/s with 0 % load, this robot stood within 0.43 rad and within 0.52 s: one run each."
+    )
+    refused = cell(TURN, speed_m_s=2.0, refused="it needs a turn", turn=True)
+    assert "plain zero in a turn at 2 rad/s, load 0 %: it needs a turn" in not_shown(record(refused))
 
 
 def test_the_sentence_without_any_time_has_a_distance_only() -> None:
@@ -110,7 +124,7 @@ def test_what_was_refused_or_never_tested_is_listed() -> None:
     found = list(
         not_shown(record(cell(KILLED, refused="the wall is too near"), cell("e-stop", *[run()] * 59)))
     )
-    assert "a turn on the spot" in found
+    assert "the operator's link cut in one direction only" in found
     assert "operator's program killed at 0.8 m/s, load 0 %: the wall is too near" in found
     assert found[-1] == "how often a fault has no stop: none in 59 runs means at most 5.0 % (95 %)"
     assert not any("how often" in one for one in not_shown(record()))
