@@ -377,7 +377,7 @@ async def test_keys_typed_during_a_hang_stop_but_never_move() -> None:
     async with bench() as b:
         await b.press("w")
         b.wire.said.clear()
-        b.keys.press("s www a ")
+        b.keys.press("s www a")
         hang(1.0)
         await asyncio.sleep(1.0)
         assert {value for _, value in b.wire.commands()} == {(0.0, 0.0)}

@@ -441,6 +441,22 @@ async def test_a_restarted_hub_replaces_the_socket_of_a_killed_one() -> None:
     assert not path.exists()
 
 
+async def test_hubs_that_are_started_and_killed_leave_no_more_files_than_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = tmp_path / "run"
+    monkeypatch.setenv(local_socket.ENVIRONMENT, str(run))
+    for _ in range(3):
+        hub = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-c", HUB, free_endpoint()), stdout=asyncio.subprocess.PIPE
+        )
+        assert hub.stdout is not None
+        assert await asyncio.wait_for(hub.stdout.readline(), LIMIT_S) == b"listens\n"
+        hub.kill()
+        await hub.wait()
+        assert len(list(run.iterdir())) == len(("socket", "lock"))
+
+
 async def test_a_supervisor_whose_socket_was_removed_ends_since_nobody_could_stop_the_robot(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -103,6 +103,15 @@ def repair(disk: Path) -> None:
     subprocess.run(["mount", "-o", "remount,rw,size=1m,nr_inodes=1000", str(disk)], check=True)
 
 
+def cover(disk: Path) -> None:
+    """Mount a read-only disk over it: while the supervisor has a file open for writing, only the kernel can make its disk read-only."""
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "ro,mode=700", "lifeline", str(disk)], check=True)
+
+
+def uncover(disk: Path) -> None:
+    subprocess.run(["umount", str(disk)], check=True)
+
+
 INODES = 32
 
 
@@ -120,7 +129,8 @@ def disk(tmp_path: Path) -> Generator[Path]:
     if not mounted or mounted.returncode:
         pytest.skip("needs the right to mount a disk")
     yield path
-    subprocess.run(["umount", "-l", str(path)], check=True)
+    while os.path.ismount(path):
+        subprocess.run(["umount", "-l", str(path)], check=True)
 
 
 @pytest.mark.parametrize(
@@ -169,6 +179,21 @@ async def test_an_estop_on_a_disk_that_became_full_while_the_robot_drove_outlive
         repair(disk)
         await nothing_moves(subject)
         await subject.press("r", lambda: ESTOP not in subject.status.causes, "a reset")
+        await subject.until(lambda: UNRECORDED not in subject.status.causes, "a disk that works")
+        await subject.drive()
+
+
+@pytest.mark.long
+async def test_a_driving_robot_stops_when_its_disk_becomes_read_only_until_the_disk_is_repaired(
+    tmp_path: Path, disk: Path
+) -> None:
+    async with robot(tmp_path, state=disk) as subject:
+        await subject.drive()
+        cover(disk)
+        await subject.until(lambda: UNRECORDED in subject.status.causes, "a stop")
+        assert "Read-only file system" in subject.status.estop_record_problem
+        await nothing_moves(subject, UNRECORDED)
+        uncover(disk)
         await subject.until(lambda: UNRECORDED not in subject.status.causes, "a disk that works")
         await subject.drive()
 

@@ -24,6 +24,7 @@ import zenoh
 from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED
 from faults.attacks import free_scan
 from supervisor.estop_record import record_path
+from tests.scan_stamps import PROBLEMS, STAMPS
 from tests.system.commands import run_here
 from tests.system.harness import DRIVE_TRIES, PATIENCE_S, Robot, free_endpoint, patiently, robot
 from tests.system.rogue import answer, open_rogue
@@ -41,8 +42,6 @@ session = open_rogue(sys.argv[1])
 print("open", flush=True)
 threading.Event().wait()
 """
-
-BEGAN_NS = time.time_ns()
 
 pytestmark = pytest.mark.timeout(120)
 
@@ -219,33 +218,18 @@ def test_rates_sizes_and_ages_are_measured(shared: Robot) -> None:
     assert 0.0 < figures["age_mean_s"] < 0.1
 
 
-def slow_ns(now_ns: int) -> int:
-    return BEGAN_NS + (now_ns - BEGAN_NS) * 9 // 10
-
-
-def whole_ns(now_ns: int) -> int:
-    return now_ns // 1_000_000_000 * 1_000_000_000
-
-
 MOMENTS = 10
 """So many moments are not all at the beginning of a second."""
 
 
-def constant_ns(_: int) -> int:
-    return 1_700_000_000_500_000_000
-
-
 @pytest.mark.parametrize(
-    ("stamp_ns", "problem"),
-    [
-        (slow_ns, "run at 0.90 of real time"),
-        pytest.param(whole_ns, "are whole seconds", marks=pytest.mark.long),
-        pytest.param(constant_ns, "do not change", marks=pytest.mark.long),
-    ],
+    "stamps",
+    ["slow", pytest.param("whole", marks=pytest.mark.long), pytest.param("constant", marks=pytest.mark.long)],
 )
 async def test_scans_of_a_bridge_whose_stamps_do_not_run_like_real_time_are_named_as_the_cause(
-    tmp_path: Path, stamp_ns: Callable[[int], int], problem: str
+    tmp_path: Path, stamps: str
 ) -> None:
+    stamp_ns, problem = STAMPS[stamps], PROBLEMS[stamps]
     config, chance = tmp_path / "robot.toml", Random(1)
     config.write_text(PARTICIPANTS)
     async with robot(tmp_path, topics.SUPERVISOR, teleop=False, config=config) as subject:

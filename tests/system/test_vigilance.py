@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from teleop.pilots.vigilance import DEAD_LINK_M, unanswered_limit_m_s
+from teleop.pilots.vigilance import DEAD_LINK_M, DEMAND_S, unanswered_limit_m_s
 from tests.system.multiplexers import behind, needs
 from tests.system.operators import (
     HEARTBEAT_S,
@@ -27,6 +27,8 @@ from wire.messages import SafetyStatus
 
 pytestmark = pytest.mark.long
 VIGILANCE_S = 2.0
+LATE_S = 2.0
+"""Of a busy machine. A program that reads no more output stops teleop too, but only after 5 s more, when its buffers are full."""
 LIMIT_M_S = unanswered_limit_m_s(VIGILANCE_S, 0.5)
 
 
@@ -158,4 +160,5 @@ async def test_where_a_program_answers_for_the_person_the_robot_stops_when_vigil
             LOSSES[program][loss](client)
             driven_s = await until(lambda: h.asks(*ZERO))
             assert driven_s > VIGILANCE_S, "until then, the program answers for the person"
+            assert driven_s < VIGILANCE_S + DEMAND_S + LATE_S
             assert not h.got_estop()

@@ -2,8 +2,9 @@
 
 `--timeout none` keeps the last command. With `--stamped`, it treats stamps as diff_drive_controller does: zero is the present
 time, a command older than its timeout is ignored, and the timeout counts from the stamp. `--ahead S` sets its clock ahead.
-A line `{"reset": true}` puts it back at its start, at rest; `{"ahead": 2.0}` steps its clock. Its odometry is exact, and is
-also published as /odom/truth, under the name that the simulated robot uses.
+`--scan-stamps NAME` stamps its scans as tests/scan_stamps.py does. A line `{"reset": true}` puts it back at its start, at rest;
+`{"ahead": 2.0}` steps its clock. Its odometry is exact, and is also published as /odom/truth, under the name that the simulated
+robot uses.
 """
 # pyright: basic, reportMissingImports=false
 
@@ -21,6 +22,7 @@ from sensor_msgs.msg import LaserScan
 from tests.ros2.peers import room
 from tests.ros2.peers.drive import Drive
 from tests.ros2.peers.ros_node import SENSOR, make_node, qos, spin
+from tests.scan_stamps import STAMPS
 
 ODOM_HZ, SCAN_HZ = 50.0, 20.0
 NOISE_M = 0.002
@@ -37,6 +39,7 @@ class Robot:
     def __init__(self, options: argparse.Namespace, ros_arguments: list[str]) -> None:
         self.node = make_node("diff_drive", ros_arguments)
         self._timeout_s, self._ahead_ns = options.timeout, round(options.ahead * 1e9)
+        self._scan_stamp_ns = STAMPS.get(options.scan_stamps, lambda now_ns: now_ns)
         self._drive = Drive(options.timeout, x_m=options.x)
         self._stepped_s = time.monotonic()
         self._odom = self.node.create_publisher(Odometry, "odom", qos())
@@ -86,7 +89,7 @@ class Robot:
 
     def _look(self) -> None:
         drive, scan = self._drive, LaserScan()
-        scan.header.stamp = self._now().to_msg()
+        scan.header.stamp = Time(nanoseconds=self._scan_stamp_ns(self._now().nanoseconds)).to_msg()
         scan.header.frame_id = "lidar"
         scan.angle_increment = math.tau / room.BEAMS
         scan.angle_min = -math.pi
@@ -109,6 +112,9 @@ def main() -> None:
     )
     parser.add_argument(
         "--x", type=float, default=0.0, metavar="M", help="where it starts, ahead of the middle"
+    )
+    parser.add_argument(
+        "--scan-stamps", choices=STAMPS, help="stamps of scans that do not run like real time"
     )
     robot = Robot(*parser.parse_known_args())
     spin(robot.node, robot.obey)
