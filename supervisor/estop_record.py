@@ -131,8 +131,9 @@ class RecordFiles:
                 return
             try:
                 self._ready.rename(self._latched)
-            except FileNotFoundError:
-                self._write(self._latched)
+            except OSError:  # it is missing, or this disk refuses only the rename: an append-only directory, a mount on the file
+                if not os.path.lexists(self._latched):
+                    self._write(self._latched)
 
     def latch(self) -> None:
         """Create the record durably; an existing record may not be on disk yet.

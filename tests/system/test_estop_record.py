@@ -198,6 +198,34 @@ async def test_a_driving_robot_stops_when_its_disk_becomes_read_only_until_the_d
         await subject.drive()
 
 
+@pytest.fixture
+def pinned() -> Generator[Callable[[Path], None]]:
+    """Mount a file on itself, so that no program can rename or remove it; every other change of the disk succeeds."""
+    mounted: list[Path] = []
+
+    def pin(file: Path) -> None:
+        command = ["mount", "--bind", str(file), str(file)]
+        if os.geteuid() != 0 or subprocess.run(command, capture_output=True, check=False).returncode:
+            pytest.skip("needs the right to mount a file")
+        mounted.append(file)
+
+    yield pin
+    for file in mounted:
+        subprocess.run(["umount", "-l", str(file)], check=True)
+
+
+async def test_an_estop_outlives_the_supervisor_on_a_disk_that_refuses_to_rename_the_prepared_record(
+    tmp_path: Path, pinned: Callable[[Path], None]
+) -> None:
+    async with robot(tmp_path) as subject:
+        await subject.drive()
+        pinned(record_path(tmp_path, "robot").with_suffix(".ready"))
+        await press(subject)
+        await restart_supervisor(subject)
+        assert ESTOP in subject.status.reasons
+        await nothing_moves(subject)
+
+
 NOBODY = 65_534
 
 

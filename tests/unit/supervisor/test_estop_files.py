@@ -130,6 +130,59 @@ def test_a_mark_is_found_by_the_next_process_with_and_without_a_prepared_file(
     assert not files.read()
 
 
+@pytest.mark.parametrize("number", [errno.EBUSY, errno.EPERM, errno.EXDEV, errno.EIO])
+def test_a_press_is_recorded_on_a_disk_that_refuses_only_the_rename(
+    number: int, files: RecordFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files.prepare()
+
+    def refused(path: Path, _target: Path) -> Path:
+        raise OSError(number, os.strerror(number), str(path))
+
+    monkeypatch.setattr(Path, "rename", refused)
+    files.latch()
+    files.close()
+    assert read_anew(tmp_path / "state")
+
+
+def test_a_rename_that_reports_an_error_and_was_done_all_the_same_keeps_its_record(
+    files: RecordFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files.prepare()
+    rename = Path.rename
+
+    def done(path: Path, target: Path) -> Path:
+        rename(path, target)
+        inode.append(target.lstat().st_ino)
+        raise OSError(errno.EIO, "the answer of the server was lost", str(path))
+
+    inode: list[int] = []
+    monkeypatch.setattr(Path, "rename", done)
+    files.latch()
+    files.close()
+    assert record_path(tmp_path / "state", ROBOT).lstat().st_ino == inode[0], "it was missing for a moment"
+    assert read_anew(tmp_path / "state")
+
+
+def test_a_press_on_a_disk_that_refuses_every_change_is_reported_and_latches_the_next_start_there(
+    files: RecordFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files.prepare()
+
+    def refused(path: object, *_: object, **_options: object) -> Any:  # noqa: ANN401
+        raise OSError(errno.EIO, os.strerror(errno.EIO), str(path))
+
+    for owner, name in ((Path, "rename"), (Path, "unlink"), (os, "open")):
+        monkeypatch.setattr(owner, name, refused)
+    with pytest.raises(RecordError, match="the e-stop cannot be recorded: Input/output error"):
+        files.latch()
+    files.close()
+    record = EstopRecord(RecordFiles(tmp_path / "state", ROBOT))
+    assert record.latched_at_start
+    assert record.problem
+    record.close()
+
+
 def test_a_mark_that_is_no_longer_wanted_leaves_nothing(files: RecordFiles) -> None:
     files.prepare()
     files.mark(lambda: False)
