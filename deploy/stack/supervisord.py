@@ -17,11 +17,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
+from xml.parsers.expat import ExpatError
 
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir, indented
 from wire.host.installation import checkout
+from wire.text import printable
 
 REQUIREMENT = "supervisor==4.3.0"
 CONFIGURATION = Path(__file__).resolve().parents[1] / "supervisord.conf"
@@ -87,10 +89,16 @@ def start(uv: str, state: StateDir, launch: Launch, say: Callable[[str], None]) 
     """Start supervisord as a daemon; its socket exists on return, and it starts the programs immediately.
 
     Raises:
-        DeployError: it cannot be fetched, or did not start.
+        DeployError: it cannot be fetched, cannot use the name of a file, or did not start.
     """
     command = _command(uv, "--configuration", str(CONFIGURATION))
     environment = launch.environment(state) | {"PYTHONPATH": str(PLUGIN)}
+    for value in environment.values():
+        if not value.isprintable() or "%" in value or (value == str(launch.config) and '"' in value):
+            raise DeployError(
+                f"supervisord cannot use {printable(value)}: it has %, a quotation mark, or a character that cannot be printed; "
+                "choose another directory or file"
+            )
     done = _run(command, limit_s=START_LIMIT_S, cwd=state.path, environment=environment)
     if done.returncode != 0 and fetch(uv, say):
         done = _run(command, limit_s=START_LIMIT_S, cwd=state.path, environment=environment)
@@ -168,7 +176,7 @@ def _ask(state: StateDir, method: str) -> Any:  # noqa: ANN401 - whatever the me
     with xmlrpc.client.ServerProxy("http://localhost/RPC2", transport=_UnixTransport(state.socket)) as server:
         try:
             return getattr(server, method)()
-        except (OSError, http.client.HTTPException, xmlrpc.client.Error):
+        except (OSError, http.client.HTTPException, xmlrpc.client.Error, ExpatError):
             return None
 
 

@@ -2,9 +2,14 @@
 
 import gc
 import socket
+import threading
 from pathlib import Path
 
+import pytest
+
 from deploy.stack import supervisord
+from deploy.stack.errors import DeployError
+from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir
 
 
@@ -14,6 +19,42 @@ def test_one_that_does_not_answer_has_no_programs_and_leaves_no_socket_open(tmp_
         dead.bind(str(state.socket))
     assert supervisord.programs(state) is None
     gc.collect()  # collecting an open socket raises a warning, which fails the test
+
+
+def test_one_whose_answer_is_no_xml_has_no_programs(tmp_path: Path) -> None:
+    """supervisord writes the name of its state directory as it is, also with an escape character."""
+    state = StateDir(tmp_path)
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(state.socket))
+        server.listen()
+
+        def answer() -> None:
+            connection, _ = server.accept()
+            with connection:
+                connection.recv(65_536)
+                connection.sendall(b"HTTP/1.0 200 OK\r\nContent-Type: text/xml\r\n\r\n<a>\x1b[2J</a>")
+
+        answering = threading.Thread(target=answer)
+        answering.start()
+        assert supervisord.programs(state) is None
+        answering.join()
+
+
+@pytest.mark.parametrize("name", ["100%(x)s", "a%b", "a\nb", "a\x1b[2Jb", "a\udcffb"])
+def test_a_state_directory_that_it_cannot_use_is_refused_in_one_printable_sentence(
+    name: str, tmp_path: Path
+) -> None:
+    with pytest.raises(DeployError, match="choose another directory") as refused:
+        supervisord.start("uv", StateDir(tmp_path / name), Launch.read(None, None), print)
+    assert str(refused.value).isprintable()
+
+
+@pytest.mark.parametrize("name", ["100%.toml", 'a"b.toml', "a\nb.toml"])
+def test_a_configuration_that_it_cannot_name_is_refused_in_one_sentence(name: str, tmp_path: Path) -> None:
+    config = tmp_path / name
+    config.touch()
+    with pytest.raises(DeployError, match="choose another directory or file"):
+        supervisord.start("uv", StateDir(tmp_path), Launch.read(config, None), print)
 
 
 LOG = """\
