@@ -94,9 +94,9 @@ def start(uv: str, state: StateDir, launch: Launch, say: Callable[[str], None]) 
     command = _command(uv, "--configuration", str(CONFIGURATION))
     environment = launch.environment(state) | {"PYTHONPATH": str(PLUGIN)}
     for value in environment.values():
-        if not value.isprintable() or "%" in value or (value == str(launch.config) and '"' in value):
+        if min(value, default=" ") < " " or "%" in value or (value == str(launch.config) and '"' in value):
             raise DeployError(
-                f"supervisord cannot use {printable(value)}: it has %, a quotation mark, or a character that cannot be printed; "
+                f"supervisord cannot use {printable(value)}: it has %, a quotation mark, or a control character; "
                 "choose another directory or file"
             )
     done = _run(command, limit_s=START_LIMIT_S, cwd=state.path, environment=environment)

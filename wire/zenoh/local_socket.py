@@ -26,6 +26,8 @@ LOCK = ".lock"
 _LOCKS = re.compile(r"(\d+-)?\d+\.sock\.lock")
 ANSWER_S = 1.0
 _RANDOM_BITS = 96
+_IN_ENDPOINTS = frozenset("?#")
+"""Characters after which Zenoh reads options: the socket would be elsewhere, perhaps where others may enter."""
 
 
 class SocketError(Exception):
@@ -77,12 +79,16 @@ def prepare(path: Path) -> None:
     """Make the directory of a socket, for its user only, and remove what ended hubs left in it.
 
     Raises:
-        SocketError: it cannot be made, other users may enter it, or the path is too long.
+        SocketError: it cannot be made, other users may enter it, or Zenoh cannot use its path.
     """
     directory = path.parent
     remedy = f"name another directory of this user with {ENVIRONMENT}"
     if len(os.fsencode(path)) > MAX_PATH_BYTES:
         raise SocketError(f"the path of the socket {path} is longer than {MAX_PATH_BYTES} bytes: {remedy}")
+    if not _IN_ENDPOINTS.isdisjoint(str(path)) or str(path).encode(errors="ignore") != os.fsencode(path):
+        raise SocketError(
+            f"Zenoh cannot use the path of the socket {path}: it has ? or #, or is not UTF-8: {remedy}"
+        )
     try:
         make_directory(directory)
         refused = refusal(directory, ENTER)

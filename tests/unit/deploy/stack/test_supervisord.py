@@ -22,7 +22,7 @@ def test_one_that_does_not_answer_has_no_programs_and_leaves_no_socket_open(tmp_
 
 
 def test_one_whose_answer_is_no_xml_has_no_programs(tmp_path: Path) -> None:
-    """supervisord writes the name of its state directory as it is, also with an escape character."""
+    """Supervisord writes the name of its state directory as it is, also with an escape character."""
     state = StateDir(tmp_path)
     with socket.socket(socket.AF_UNIX) as server:
         server.bind(str(state.socket))
@@ -40,7 +40,7 @@ def test_one_whose_answer_is_no_xml_has_no_programs(tmp_path: Path) -> None:
         answering.join()
 
 
-@pytest.mark.parametrize("name", ["100%(x)s", "a%b", "a\nb", "a\x1b[2Jb", "a\udcffb"])
+@pytest.mark.parametrize("name", ["100%(x)s", "a%b", "a\nb", "a\x1b[2Jb"])
 def test_a_state_directory_that_it_cannot_use_is_refused_in_one_printable_sentence(
     name: str, tmp_path: Path
 ) -> None:

@@ -110,6 +110,14 @@ def test_a_path_that_the_kernel_does_not_accept_is_refused(tmp_path: Path) -> No
         prepare(tmp_path / ("x" * 107) / "7447.sock")
 
 
+@pytest.mark.parametrize("name", ["run#x", "run?x", "run\udcff"])
+def test_a_path_that_zenoh_would_cut_is_refused_since_others_may_enter_what_is_left(
+    name: str, tmp_path: Path
+) -> None:
+    with pytest.raises(SocketError, match=rf"has \? or #, or is not UTF-8: .*{local_socket.ENVIRONMENT}"):
+        prepare(tmp_path / name / "7447.sock")
+
+
 def test_a_socket_answers_while_a_program_listens(tmp_path: Path) -> None:
     path = tmp_path / "s"
     assert not answers(path)
