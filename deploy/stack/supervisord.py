@@ -32,6 +32,11 @@ PLUGIN = CONFIGURATION.with_name("supervisord_plugin")
 BEGIN_OF_LOG = "supervisord started with pid"
 HUNG = re.compile(r"^(\S+ \S+),\d+ \w+ exited: (\w+) \(terminated by SIGALRM", re.MULTILINE)
 """The line of supervisord's log for a program that the kernel ended because it hung (wire/host/notify.py): when, and which."""
+TOO_LOW = re.compile(
+    r"The minimum number of (?:available )?(processes|file descriptors) required .*? is (\d+)"
+)
+OPTIONS = {"processes": "-u", "file descriptors": "-n"}
+"""Of `ulimit`."""
 START_LIMIT_S = 20.0
 FETCH_LIMIT_S = 180.0
 ANSWER_LIMIT_S = 3.0
@@ -103,6 +108,11 @@ def start(uv: str, state: StateDir, launch: Launch, say: Callable[[str], None]) 
     if done.returncode != 0 and fetch(uv, say):
         done = _run(command, limit_s=START_LIMIT_S, cwd=state.path, environment=environment)
     if done.returncode != 0:
+        too_low = TOO_LOW.search(done.stderr)
+        if too_low is not None:
+            raise DeployError(
+                f"supervisord needs at least {too_low[2]} {too_low[1]}: raise their limit (`ulimit {OPTIONS[too_low[1]]}`)"
+            )
         raise DeployError(f"supervisord did not start:\n{indented(done.stderr or done.stdout)}")
 
 

@@ -56,6 +56,9 @@ _NEEDED = (
 )
 
 
+_Buffer = ctypes.Array[ctypes.c_char]
+
+
 class _Timer(ctypes.Structure):
     """C's `struct itimerspec`, for a single expiration."""
 
@@ -72,7 +75,7 @@ class _Sleep(NamedTuple):
 
     descriptor: int
     stream: ctypes.c_void_p
-    buffer: "ctypes.Array[ctypes.c_char]"
+    buffer: _Buffer
 
 
 class MemoryKeeper:
@@ -92,10 +95,14 @@ class MemoryKeeper:
             return
         if sleep is None:
             return
+        # Here and not on the thread: if there is no memory for them, nobody would wait for a thread that has ended.
+        buffers = [ctypes.create_string_buffer(size) for size in (_STACK_BYTES, _SIGINFO_BYTES)]
         made = threading.Event()
         is_collecting = gc.isenabled()
         gc.disable()
-        threading.Thread(target=self._keep, args=(libc, sleep, made), name=NAME, daemon=True).start()
+        threading.Thread(
+            target=self._keep, args=(libc, sleep, *buffers, made), name=NAME, daemon=True
+        ).start()
         made.wait()
         if is_collecting:
             gc.enable()
@@ -112,15 +119,15 @@ class MemoryKeeper:
                 expedite(self.pid)
                 os.kill(self.pid, signal.SIGKILL)
 
-    def _keep(self, libc: ctypes.CDLL, sleep: _Sleep, made: threading.Event) -> None:
+    def _keep(
+        self, libc: ctypes.CDLL, sleep: _Sleep, stack: _Buffer, ended: _Buffer, made: threading.Event
+    ) -> None:
         """Start the keeper, and start another whenever it has ended, for example while this process was stopped.
 
         The keeper uses a stack of this thread and its thread-local storage, so this thread must not end while a keeper
         runs. This thread has its own file table. The cyclic garbage collector must not run here, because it would close
         files in the wrong table. While a keeper runs, this thread therefore only waits for its end, in C.
         """
-        stack = ctypes.create_string_buffer(_STACK_BYTES)
-        ended = ctypes.create_string_buffer(_SIGINFO_BYTES)
         try:
             if _prepare(libc, sleep.descriptor):
                 self.pid = _clone(libc, stack, sleep)
@@ -205,7 +212,7 @@ def _prepare(libc: ctypes.CDLL, descriptor: int) -> bool:
     return True
 
 
-def _clone(libc: ctypes.CDLL, stack: "ctypes.Array[ctypes.c_char]", sleep: _Sleep) -> int | None:
+def _clone(libc: ctypes.CDLL, stack: _Buffer, sleep: _Sleep) -> int | None:
     _set(libc, sleep)
     libc.__fpurge(sleep.stream)  # noqa: SLF001 - its name in C; an earlier keeper may have left data in the buffer
     top = ctypes.addressof(stack) + len(stack)

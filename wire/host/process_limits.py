@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 DATA_PAGES = 5
@@ -105,7 +105,8 @@ _started: list[bool] = []
 
 def _clear_repeatedly() -> None:
     while True:
-        clear_linger()
+        with suppress(OSError):  # no more open files are permitted at the moment
+            clear_linger()
         time.sleep(LINGER_PERIOD_S)
 
 

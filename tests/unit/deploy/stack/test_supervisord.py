@@ -57,6 +57,32 @@ def test_a_configuration_that_it_cannot_name_is_refused_in_one_sentence(name: st
         supervisord.start("uv", StateDir(tmp_path), Launch.read(config, None), print)
 
 
+@pytest.mark.parametrize(
+    ("refused", "sentence"),
+    [
+        (
+            "The minimum number of available processes required to run this program is 200 as per",
+            "supervisord needs at least 200 processes: raise their limit (`ulimit -u`)",
+        ),
+        (
+            "The minimum number of file descriptors required to run this process is 1024 as per",
+            "supervisord needs at least 1024 file descriptors: raise their limit (`ulimit -n`)",
+        ),
+    ],
+)
+def test_a_limit_that_is_too_low_for_it_is_named_in_one_sentence(
+    refused: str, sentence: str, tmp_path: Path
+) -> None:
+    uv = tmp_path / "uv"
+    uv.write_text(
+        f"#!/bin/sh\ncase $* in *--version) exit 0;; esac\necho 'Error: {refused} the argument' >&2\nexit 2\n"
+    )
+    uv.chmod(0o755)
+    with pytest.raises(DeployError) as error:
+        supervisord.start(str(uv), StateDir(tmp_path), Launch.read(None, None), print)
+    assert str(error.value) == sentence
+
+
 LOG = """\
 2026-11-26 19:00:00,001 WARN exited: supervisor (terminated by SIGALRM; not expected)
 2026-11-26 20:00:00,001 INFO supervisord started with pid 7

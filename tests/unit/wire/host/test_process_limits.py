@@ -5,10 +5,11 @@ import socket
 import struct
 import subprocess
 import sys
+import time
 
 import pytest
 
-from wire.host.process_limits import clear_linger, raise_open_files
+from wire.host.process_limits import LINGER_PERIOD_S, clear_linger, never_linger, raise_open_files
 
 FOREVER = struct.pack("ii", 1, 10)
 BOUND = """
@@ -26,6 +27,24 @@ def test_a_socket_that_lingers_no_longer_does() -> None:
         clear_linger()
         for each in (one, other):
             assert each.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8)[:4] == b"\0\0\0\0"
+
+
+def test_sockets_stop_lingering_also_after_a_while_without_free_descriptors() -> None:
+    never_linger()
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with socket.socket() as one:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (one.fileno(), limits[1]))
+        try:
+            with pytest.raises(OSError, match="Too many open files"):
+                clear_linger()
+            time.sleep(2 * LINGER_PERIOD_S)  # the thread meets the same error
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, FOREVER)
+        until_s = time.monotonic() + 10.0
+        while one.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8)[:4] != b"\0\0\0\0":
+            assert time.monotonic() < until_s, "the thread has ended"
+            time.sleep(LINGER_PERIOD_S)
 
 
 def test_open_files_are_raised_up_to_the_hard_limit_and_never_lowered(
