@@ -16,6 +16,7 @@ import typer
 from deploy.stack.errors import DeployError, default_until_handled
 from lifeline.cli import drive, look, prove, sites, stops
 from lifeline.command import argument, command
+from wire.host.streams import open_closed_streams
 
 app = typer.Typer(
     name="lifeline",
@@ -95,6 +96,7 @@ def main() -> NoReturn:
     """Run the command, and exit without the interpreter's shutdown, which can hang if a session is open."""
     code = 1
     default_until_handled()
+    open_closed_streams()
     _adapt_to_terminal()
     try:
         app(prog_name="lifeline")

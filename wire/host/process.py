@@ -19,6 +19,7 @@ from typing import Any, NoReturn
 from wire.host.installation import runnable
 from wire.host.memory_keeper import MemoryKeeper
 from wire.host.process_limits import limit_of
+from wire.host.streams import open_closed_streams
 from wire.inbox import BusError
 
 _log = logging.getLogger(__name__)
@@ -40,6 +41,7 @@ def run_process(name: str, main: Main, *, memory_keeper: bool = False) -> NoRetu
         main: SIGTERM, SIGINT and SIGHUP set `stop`; main must then return within `STOP_LIMIT_S`.
         memory_keeper: whether to start a memory keeper (wire/host/memory_keeper.py), for a process whose death must stop the robot.
     """
+    open_closed_streams()
     # A program that starts many times disables the collection of garbage during its imports, which takes up to 21 ms.
     gc.freeze()  # no later collection searches the modules, which would take 9 ms, longer than many steps of the law
     gc.enable()
