@@ -162,8 +162,9 @@ class RecordFiles:
         content = self._content + f"{by}\n".encode()
         file = open_own(self._latched, os.O_WRONLY | os.O_NONBLOCK)
         try:
-            os.ftruncate(file, os.pwrite(file, content, 0))
-            os.fsync(file)
+            if os.fstat(file).st_nlink == 1:  # else it has another name too, and may be anybody's file
+                os.ftruncate(file, os.pwrite(file, content, 0))
+                os.fsync(file)
         finally:
             os.close(file)
 

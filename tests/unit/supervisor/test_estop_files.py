@@ -404,6 +404,20 @@ def test_nothing_with_a_name_of_the_record_makes_it_overwrite_another_file(
     assert (tmp_path / "kept").read_text() == "kept"
 
 
+def test_who_pressed_is_not_written_into_a_file_that_was_linked_in_the_place_of_the_prepared_record(
+    files: RecordFiles, tmp_path: Path
+) -> None:
+    files.prepare()
+    kept, ready = tmp_path / "kept", tmp_path / "state" / "estop-robot.ready"
+    kept.write_text("kept")
+    ready.unlink()
+    ready.hardlink_to(kept)
+    files.latch()
+    files.describe("pressed by teleop, 2026-11-26 14:20:05")
+    assert kept.read_text() == "kept"
+    assert files.read()
+
+
 def test_a_second_supervisor_of_the_namespace_proves_nothing_and_clears_nothing(
     files: RecordFiles, tmp_path: Path
 ) -> None:
