@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 from wire.bus_config import DEFAULT_ENDPOINT, BusConfig
 from wire.host.config import read_toml
 from wire.host.installation import runnable
+from wire.text import printable_lines
 
 EXIT_USAGE = 2
 PROGRAM = "LIFELINE_PROGRAM"
@@ -69,11 +70,20 @@ def override(document: dict[str, Any], section: str, key: str, value: str | None
         values[key] = value
 
 
+class _Printable(logging.Formatter):
+    """Makes what others wrote, such as the name of a file, printable."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return printable_lines(super().format(record))
+
+
 def log_to_stderr() -> None:
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    handler = logging.StreamHandler()
+    handler.setFormatter(_Printable("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    logging.basicConfig(level=logging.INFO, handlers=[handler])
 
 
 def refuse(node: str, sentence: object) -> NoReturn:
     """Print one sentence to stderr and exit, before anything has started."""
-    print(f"{node}: {runnable(str(sentence))}", file=sys.stderr)
+    print(f"{node}: {printable_lines(runnable(str(sentence)))}", file=sys.stderr)
     sys.exit(EXIT_USAGE)

@@ -21,6 +21,7 @@ from wire.host.memory_keeper import MemoryKeeper
 from wire.host.process_limits import limit_of
 from wire.host.streams import open_closed_streams
 from wire.inbox import BusError
+from wire.text import printable_lines
 
 _log = logging.getLogger(__name__)
 
@@ -50,13 +51,13 @@ def run_process(name: str, main: Main, *, memory_keeper: bool = False) -> NoRetu
     try:
         code = asyncio.run(_supervised(main, at_end, memory_keeper=memory_keeper))
     except BusError as error:
-        print(f"{name}: {runnable(str(error))}", file=sys.stderr)
+        print(f"{name}: {printable_lines(runnable(str(error)))}", file=sys.stderr)
     except Exception as error:  # noqa: BLE001 - the last handler before the process ends
         sentence = limit_of(error)
         if sentence is None:
             _log.exception("%s ended with an unexpected error", name)
         else:
-            print(f"{name}: {sentence}", file=sys.stderr)
+            print(f"{name}: {printable_lines(sentence)}", file=sys.stderr)
     finally:
         with suppress(OSError):  # the terminal may be closed
             logging.shutdown()
