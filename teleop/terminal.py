@@ -252,7 +252,6 @@ class Terminal:
     # --- modes
 
     def _begin(self) -> None:
-        self._decoder = KeyDecoder()
         self._face.forget()
         self._enter()
         self.doubt()
@@ -269,6 +268,7 @@ class Terminal:
         self._keep_modes()
         hold = self._face.is_full and self._on_releases is not None
         self._has_pushed, self._wheel_asks = False, 0
+        self._decoder = KeyDecoder()  # another program may have read that the focus is back
         self._rely()
         self._write(self._face.enter + (_ASK_KEYBOARD if hold else ""))
 

@@ -107,7 +107,8 @@ UNFINISHED = "Escape, or an unfinished key sequence"
 UNFOCUSED = "a key while the terminal does not have the keyboard focus"
 """Another program copies the keys of another window or pane."""
 UNPRESSED = "a release without its press"
-"""A key has another name since its press, as after a change of the layout or Num Lock: a held key may have been released."""
+"""A key has another name since its press, as after a change of the layout or Num Lock: a held key may have been released.
+While no key is down, it is the release of a key that was pressed before, such as the Enter that started teleop."""
 NOT_TYPED = frozenset({PASTED, SEVERAL, PLAIN, WHEEL, UNKNOWN, REPLY, UNFINISHED, UNFOCUSED, UNPRESSED})
 """Pseudo keys in place of input that is not the press of a known key."""
 NO_MOTION = frozenset({*COMMANDS, FOCUS_OUT})
@@ -337,6 +338,8 @@ class KeyDecoder:
         found = _sequence(self._parameters, final)
         if not self._parameters and final in "IO":
             self._has_focus = final == "I"
+            if not self._has_focus:
+                self._down.clear()  # their releases go to another window
         elif isinstance(found, KeyEvent):
             outer = None
             yield from () if self._is_paired(found, final) else (KeyEvent(UNPRESSED),)
@@ -346,14 +349,15 @@ class KeyDecoder:
             self._state, self._parameters = outer
 
     def _is_paired(self, event: KeyEvent, final: str) -> bool:
-        """Note a press, or return whether a release has its press."""
+        """Note a press, or return whether a release cannot be that of a key that is still down by another name."""
         alone = _sequence(f"{self._parameters.partition(';')[0]};1:3", final)
         name = alone.key if isinstance(alone, KeyEvent) else ""
         is_down = name in self._down
         if event.kind is KeyKind.RELEASE:
+            is_renamed = self.tells_releases and self._down and not is_down
             if is_down:
                 self._down.remove(name)
-            return is_down or not self.tells_releases
+            return not is_renamed
         if not is_down:
             self._down.append(name)
         return True

@@ -8,7 +8,7 @@ import asyncio
 import secrets
 from collections.abc import Callable
 
-from teleop.pilots.keys import CTRL_C, KeySource
+from teleop.pilots.keys import CTRL_C, FOCUS_OUT, KeySource
 from teleop.pilots.pilot import KeyEvent, KeyKind
 from teleop.station.state import Lease, Look, Word, farewell, pressed, received, released, sent
 from wire import topics
@@ -137,7 +137,7 @@ class Station:
         self._draw(now_s)
 
     def _on_key(self, event: KeyEvent, now_s: float) -> None:
-        if event.kind is KeyKind.RELEASE:
+        if event.kind is KeyKind.RELEASE or event.key == FOCUS_OUT:
             return
         if event.key in LEAVING_KEYS:
             self._is_leaving = True

@@ -15,6 +15,7 @@ from supervisor.blackbox.reader import read
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import MemoryRecord
+from teleop.pilots.keys import FOCUS_OUT, UNFOCUSED
 from teleop.pilots.pilot import KeyEvent
 from teleop.station.service import Station
 from teleop.station.state import Look, Word
@@ -132,6 +133,20 @@ async def test_the_presence_of_a_station_stops_nothing(seconds: int) -> None:
             assert all(a.message == planar_twist(0.5, 0.0) for a in rig.cmd_vel.take())
         words = {look.word for look in person.looks[5:]}
         assert words == {Word.HEARD}
+
+
+async def test_a_station_whose_terminal_loses_the_focus_stops_nothing_and_any_key_still_does() -> None:
+    rig = Rig()
+    async with robot(rig), station(rig) as person:
+        await rig.pass_time(0.5)
+        await rig.drive(0.5)
+        person.type(FOCUS_OUT)
+        await rig.pass_time(1.0)
+        assert person.word is Word.HEARD
+        assert all(a.message == planar_twist(0.5, 0.0) for a in rig.cmd_vel.take()[-5:])
+        person.type(UNFOCUSED)
+        await rig.pass_time(0.2)
+        assert rig.newest_status.causes == [ESTOP]
 
 
 async def test_a_killed_station_stops_the_robot_by_its_token_and_stays_latched_until_it_is_back_and_reset() -> (

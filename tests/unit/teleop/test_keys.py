@@ -417,6 +417,23 @@ def test_a_release_without_its_press_is_reported_because_the_key_may_be_a_held_o
     assert event.kind is RELEASE
 
 
+@pytest.mark.parametrize("before", [b"", b"\x1b[13;1:1u\x1b[O\x1b[I", b"\x1b[105;1:1u\x1b[105;1:3u"])
+@pytest.mark.parametrize("released", [b"13", b"13;1:3u\x1b[57443"])
+def test_a_release_is_that_of_an_earlier_press_while_no_key_is_down(before: bytes, released: bytes) -> None:
+    """Such as that of the Enter that started teleop, or of a key for changing windows."""
+    decoder = KeyDecoder()
+    decoder.tells_releases = True
+    decoder.feed(before)
+    assert decoder.feed(b"\x1b[" + released + b";1:3u") == [KeyEvent("enter", RELEASE)]
+
+
+def test_the_report_of_a_focus_that_was_never_lost_does_not_release_the_keys() -> None:
+    decoder = KeyDecoder()
+    decoder.tells_releases = True
+    decoder.feed(b"\x1b[105;1:1u\x1b[I")
+    assert KeyEvent(UNPRESSED) in decoder.feed(b"\x1b[99;1:3u")
+
+
 PAIRS = [
     ("105;1:1u", "105;1:3u"),
     ("105;1:2u", "105:73;2:3u"),
@@ -437,6 +454,7 @@ def test_a_release_has_its_press_whatever_modifiers_were_pressed_since_then(pres
     decoder = KeyDecoder()
     decoder.tells_releases = True
     decoder.feed(f"\x1b[{press}\x1b[{press}".encode())
+    decoder.feed(b"\x1b[113u")
     assert len(decoder.feed(f"\x1b[{release}".encode())) == 1
     assert KeyEvent(UNPRESSED) in decoder.feed(f"\x1b[{release}".encode())
 
