@@ -22,6 +22,7 @@ import unicodedata
 from collections import deque
 from collections.abc import Iterator, Sequence
 from enum import Enum, StrEnum, auto
+from itertools import islice
 from typing import NamedTuple, Protocol
 
 from teleop.pilots.pilot import KeyEvent, KeyKind
@@ -226,7 +227,8 @@ class TypedKeys:
         pause_s, self._last_s = now_s - self._last_s, now_s
         keys = {event.key for event in events if event.kind is KeyKind.PRESS} - ALWAYS_KEYS
         typed = keys - NOT_TYPED - {FOCUS_OUT}
-        self._keys = typed | (self._keys if pause_s <= TOGETHER_S else frozenset[str]())
+        together = typed | (self._keys if pause_s <= TOGETHER_S else frozenset[str]())
+        self._keys = frozenset(islice(together, MAX_KEYS + 1))  # more make no difference
         if pause_s > PAUSE_S:
             self._why = ""
         several = SEVERAL if len(self._keys) > MAX_KEYS else ""

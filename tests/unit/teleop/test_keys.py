@@ -17,6 +17,7 @@ from teleop.pilots.keys import (
     CTRL_Z,
     FOCUS_OUT,
     MAX_DOWN,
+    MAX_KEYS,
     MAX_PARAMETERS,
     PASTED,
     PAUSE_S,
@@ -556,6 +557,13 @@ def test_a_text_that_arrives_byte_by_byte_is_pasted_from_the_fourth_different_ke
     assert typed_apart(b"wadx", TOGETHER_S / 2) == ["w", "a", "d", SEVERAL]
     assert typed_apart(b"wwwwwwad", TOGETHER_S / 2) == list("wwwwwwad")
     assert typed_apart(b"wadx", 2 * TOGETHER_S) == list("wadx")
+
+
+def test_an_endless_text_of_different_keys_fills_no_memory() -> None:
+    typed = TypedKeys()
+    for code in range(1000):
+        typed.take([KeyEvent(f"key {code}")], code * TOGETHER_S / 2)
+    assert len(typed._keys) == MAX_KEYS + 1  # pyright: ignore[reportPrivateUsage]
 
 
 @pytest.mark.parametrize("eight_bit", [b"\x9b{}", b"\xc2\x9b{}"])
