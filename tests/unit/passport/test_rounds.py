@@ -1,7 +1,6 @@
 """What a run requests of the operator's program, with a driver and an injector that only note it."""
 
 import asyncio
-from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -22,6 +21,29 @@ WALL = Wall(5.0, 0.0, 3.0)
 SEEN = Seen(0.0, POSE, WALL, 1.0, 1.0, is_stopped=False)
 
 
+class Samples:
+    """The samples of odometry, with a wall that is always seen."""
+
+    def __init__(self, odometry: list[Odom]) -> None:
+        self.odometry = odometry
+
+    def between(self, *_: float) -> "Samples":
+        return self
+
+    def mean_wall(self) -> Wall:
+        return WALL
+
+
+class Done:
+    """Watches a drive that is done at once."""
+
+    def __init__(self, *_: object, is_first: bool) -> None:
+        pass
+
+    def is_done(self, *_: object) -> bool:
+        return True
+
+
 class Robot:
     """The driver, the operator's program, the injector and the person: notes what is asked of them."""
 
@@ -37,8 +59,7 @@ class Robot:
         self.lifted: list[Fault] = []
         self.presses = 0
         self.status = None
-        self.trace = SimpleNamespace(odometry=[self.odom()], scans=[], between=lambda *_: self.trace)
-        self.trace.mean_wall = lambda: WALL
+        self.trace = Samples([self.odom()])
 
     def odom(self) -> Odom:
         return Odom(self.now_s, POSE, self.speed_m_s, 0.0)
@@ -118,7 +139,7 @@ def test_a_robot_of_which_odometry_says_nothing_after_a_time_has_not_stood() -> 
 
 
 def test_a_fault_whose_begin_failed_is_lifted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rounds, "Watch", lambda *_, **__: SimpleNamespace(is_done=lambda *_: True))
+    monkeypatch.setattr(rounds, "Watch", Done)
     robot = Robot(begins=False)
     with pytest.raises(InjectionError):
         asyncio.run(rounds_of(robot)._drive(Plan(Fault.ROS2_KILLED, 0.8)))  # pyright: ignore[reportPrivateUsage]
