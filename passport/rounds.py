@@ -239,7 +239,8 @@ class Rounds:
             seen = Seen(start_s, start, before, fault_s, fault_s, is_stopped=False)
             if not await self._watch(plan, fault_s, watch):
                 return await self._stop_it(seen)
-        finally:
+        finally:  # zero first: the end of a fault, for which an answer may be awaited, permits motion
+            self._operator.request(NEUTRAL)
             await self._injector.lift(plan.fault)
         if plan.fault in UNSEEN:
             await self.all_heard()

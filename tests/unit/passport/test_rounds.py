@@ -56,7 +56,7 @@ class Robot:
         )
         self.requests: list[Velocity] = []
         self.drives: list[Drive] = []
-        self.lifted: list[Fault] = []
+        self.lifted: list[tuple[Fault, Velocity]] = []
         self.presses = 0
         self.status = None
         self.trace = Samples([self.odom()])
@@ -80,7 +80,7 @@ class Robot:
         return self.now_s
 
     async def lift(self, fault: Fault) -> None:
-        self.lifted.append(fault)
+        self.lifted.append((fault, self.requests[-1]))
 
     def request(self, velocity: Velocity) -> None:
         self.requests.append(velocity)
@@ -138,9 +138,11 @@ def test_a_robot_of_which_odometry_says_nothing_after_a_time_has_not_stood() -> 
     assert not rounds_of(robot)._stood(2.0)  # pyright: ignore[reportPrivateUsage]
 
 
-def test_a_fault_whose_begin_failed_is_lifted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_whose_begin_failed_is_lifted_after_zero_was_requested(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(rounds, "Watch", Done)
     robot = Robot(begins=False)
     with pytest.raises(InjectionError):
         asyncio.run(rounds_of(robot)._drive(Plan(Fault.ROS2_KILLED, 0.8)))  # pyright: ignore[reportPrivateUsage]
-    assert robot.lifted == [Fault.ROS2_KILLED]
+    assert robot.lifted == [(Fault.ROS2_KILLED, NEUTRAL)]
