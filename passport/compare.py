@@ -67,11 +67,11 @@ def changes(old: Passport, new: Passport) -> list[Change]:
     return found
 
 
-def _by_cell(passport: Passport) -> dict[tuple[str, float, int, bool], Row]:
+def _by_cell(passport: Passport) -> dict[tuple[str, float, int, bool, bool], Row]:
     return {
-        (row.cell.fault, row.cell.speed_m_s, row.cell.load_percent, row.cell.with_lifeline): row
+        (cell.fault, cell.speed_m_s, cell.load_percent, cell.with_lifeline, cell.turn): row
         for row in rows(passport)
-        if row.runs
+        if (cell := row.cell).runs
     }
 
 

@@ -19,7 +19,7 @@ from passport.injection import InjectionError, Injector, Operator
 from passport.record import speed_in_words
 from teleop.path.course import Pose, seen_from, wrap
 from teleop.path.permit import what_is_missing
-from teleop.pilots.pilot import NEUTRAL
+from teleop.pilots.pilot import NEUTRAL, Velocity
 from wire.reasons import StopReason
 from wire.standstill import STILL_M_S, is_still
 
@@ -32,6 +32,8 @@ TURN_RAD = 0.05
 """A robot that faces the wall less exactly is turned to it before a run."""
 AT_ONCE_RAD = 2.0
 """It turns back in parts: a turn of half a circle could not be told from one the other way."""
+MOST_TURNS = 4
+"""Two parts, and two corrections: a base that turns too far each time would turn to and fro without end."""
 LEAST_SHARE = 0.9
 """Of the commanded speed, at the fault."""
 STANDS_S = 0.5
@@ -129,7 +131,10 @@ class Rounds:
             SurpriseError: something unexpected happened.
         """
         assert self.place is not None
-        while abs(bearing_rad := self._driver.bearing_rad(await self._wall())) > TURN_RAD:
+        for _ in range(MOST_TURNS):
+            bearing_rad = self._driver.bearing_rad(await self._wall())
+            if abs(bearing_rad) <= TURN_RAD:
+                return
             expected_rad = self.place.pose.yaw_rad - self._driver.trace.odometry[-1].pose.yaw_rad
             if min(abs(bearing_rad), abs(wrap(bearing_rad - expected_rad))) > FACING_RAD:
                 return
@@ -229,12 +234,13 @@ class Rounds:
         if speed < LEAST_SHARE * plan.speed:
             shown = speed_in_words(round(speed, 2), turn=plan.is_turn)
             raise SurpriseError(f"it drives {shown} only: the supervisor or the base limits its speed")
-        fault_s = await self._injector.begin(plan.fault)
-        seen = Seen(start_s, start, before, fault_s, fault_s, is_stopped=False)
-        try:
+        try:  # also a fault whose begin failed is lifted: a part of it may have happened
+            fault_s = await self._injector.begin(plan.fault)
+            seen = Seen(start_s, start, before, fault_s, fault_s, is_stopped=False)
             if not await self._watch(plan, fault_s, watch):
                 return await self._stop_it(seen)
-        finally:
+        finally:  # zero first: the end of a fault, for which an answer may be awaited, permits motion
+            self._operator.request(NEUTRAL)
             await self._injector.lift(plan.fault)
         if plan.fault in UNSEEN:
             await self.all_heard()
@@ -269,7 +275,10 @@ class Rounds:
         Raises:
             SurpriseError: a key was pressed, or something else has stopped the robot.
         """
-        self._operator.request(plan.after)
+        await self._beat(plan, plan.after)
+
+    async def _beat(self, plan: Plan, velocity: Velocity) -> None:
+        self._operator.request(velocity)
         if plan.fault is Fault.ESTOP and not self.is_estop_latched:
             self._injector.press_estop()
         await self._driver.beat()
@@ -285,8 +294,8 @@ class Rounds:
 
     def _stood(self, at_s: float) -> bool:
         """Return whether the first that odometry said after a time is that the robot stood."""
-        first = next(one for one in self._driver.trace.odometry if one.at_s > at_s)
-        return is_still(first.linear_m_s, first.angular_rad_s)
+        first = next((one for one in self._driver.trace.odometry if one.at_s > at_s), None)
+        return first is not None and is_still(first.linear_m_s, first.angular_rad_s)
 
     def _stands(self) -> bool:
         """Return whether odometry, or the wall while odometry is silent, has shown a standing robot for `STANDS_S`.
@@ -315,10 +324,13 @@ class Rounds:
         return seen._replace(rest_s=self._driver.now_s)
 
     async def _at_rest(self, plan: Plan, seen: Seen) -> Seen:
-        """Wait until the robot was seen at rest; return the run with this time. A robot that moves on is stopped."""
+        """Wait until the robot was seen at rest; return the run with this time. A robot that moves on is stopped.
+
+        The operator requests zero: the fault is lifted, so the supervisor may permit motion again.
+        """
         end_s = self._driver.now_s + STOP_LIMIT_S
         while not self._stands():
-            await self._go_on(plan)
+            await self._beat(plan, NEUTRAL)
             if self._driver.now_s > end_s:
                 return await self._stop_it(seen)
         return seen._replace(rest_s=self._driver.now_s, is_stopped=True)

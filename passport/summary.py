@@ -67,16 +67,21 @@ def _spoken_of(passport: Passport) -> list[Cell]:
 
 
 def sentence(passport: Passport) -> str:
-    """Return what the measurement shows, in one sentence."""
+    """Return what the measurement shows, in one sentence; a run without a stop is in it, at any speed and in a turn."""
     spoken = _spoken_of(passport)
     found = [row for row in rows(passport) if row.cell in spoken]
     if not found:
         return "Nothing was measured."
-    where = _where(spoken)
-    failed = [row for row in found if row.not_stopped]
+    alike = [row for row in rows(passport) if row.cell.with_lifeline == spoken[0].with_lifeline]
+    failed = [row for row in alike if row.not_stopped]
     if failed:
-        each = ", ".join(f"{row.cell.fault} ({row.not_stopped} of {row.runs} runs)" for row in failed)
-        return f"{where}, this robot DID NOT STOP by itself after: {each}."
+        each = ", ".join(
+            f"{row.cell.fault} at {row.cell.speed} with {row.cell.load_percent} % load ({row.not_stopped} of {row.runs} runs)"
+            for row in failed
+        )
+        who = "This robot" if spoken[0].with_lifeline else "Without Lifeline, this robot"
+        return f"{who} DID NOT STOP by itself after: {each}."
+    where = _where(spoken)
     distances = [row.distance_m for row in found if row.distance_m is not None]
     times = [row.stopping_s for row in found if row.stopping_s is not None]
     unit = "rad" if spoken[0].turn else "m"
@@ -125,7 +130,7 @@ def not_shown(passport: Passport) -> Iterator[str]:
             yield f"{cell.fault} at {cell.speed}, load {cell.load_percent} %: {cell.refused}"
     spoken = _spoken_of(passport)
     runs = min((len(cell.runs) for cell in spoken), default=0)
-    if runs and all(run.stopped for cell in spoken for run in cell.runs):
+    if runs and all(run.stopped for cell in passport.cells for run in cell.runs):
         yield (
             f"how often a fault has no stop: none in {runs} runs means at most {rounded_up(100 * upper_rate(runs), 1)} % (95 %)"
         )

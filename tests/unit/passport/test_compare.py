@@ -79,3 +79,8 @@ def test_a_cell_without_runs_and_a_quantity_that_neither_shows_are_left_out() ->
     assert changes(record(cell(KILLED)), record(cell(KILLED))) == []
     cut = record(cell("supervisor killed", run(stop_s=None)))
     assert [one.quantity for one in changes(cut, cut)] == ["distance"]
+
+
+def test_a_turn_is_not_compared_with_a_straight_stop() -> None:
+    found = changes(record(cell(KILLED, run())), record(cell(KILLED, run(), turn=True)))
+    assert not any(one.is_in_both for one in found)

@@ -83,7 +83,24 @@ def test_the_sentence_names_the_fewest_runs_of_a_cell() -> None:
 
 def test_a_run_without_a_stop_is_the_sentence() -> None:
     found = sentence(record(cell(KILLED, run(), run(stopped=False)), cell("e-stop", run())))
-    assert found.endswith("this robot DID NOT STOP by itself after: operator's program killed (1 of 2 runs).")
+    assert found == (
+        "This robot DID NOT STOP by itself after: operator's program killed at 0.8 m/s with 0 % load (1 of 2 runs)."
+    )
+
+
+def test_a_turn_or_a_slow_run_without_a_stop_is_the_sentence_too() -> None:
+    turn = cell(TURN, run(stopped=False), speed_m_s=2.0, turn=True)
+    failed = record(cell(KILLED, run()), cell(KILLED, run(stopped=False), speed_m_s=0.3), turn)
+    assert sentence(failed).endswith(
+        "after: operator's program killed at 0.3 m/s with 0 % load (1 of 1 runs), "
+        "plain zero in a turn at 2 rad/s with 0 % load (1 of 1 runs)."
+    )
+    assert not any("how often" in one for one in not_shown(failed))
+
+
+def test_a_run_without_a_stop_and_without_lifeline_is_named_so() -> None:
+    alone = cell(KILLED, run(stopped=False)).model_copy(update={"with_lifeline": False})
+    assert sentence(record(alone)).startswith("Without Lifeline, this robot DID NOT STOP")
 
 
 def test_enough_runs_prove_the_sentence() -> None:

@@ -1,0 +1,148 @@
+"""What a run requests of the operator's program, with a driver and an injector that only note it."""
+
+import asyncio
+from typing import Any, cast
+
+import pytest
+
+from commission.plan import Base, Drive
+from commission.trace import Odom
+from commission.wall import Wall
+from passport import rounds
+from passport.cells import Bases, Fault, Plan
+from passport.injection import InjectionError
+from passport.rounds import Place, Rounds, Seen
+from teleop.path.course import Pose
+from teleop.pilots.pilot import NEUTRAL, Velocity
+
+BASE = Base(1.0, 1.0, 0.5)
+POSE = Pose(0.0, 0.0, 0.0)
+WALL = Wall(5.0, 0.0, 3.0)
+SEEN = Seen(0.0, POSE, WALL, 1.0, 1.0, is_stopped=False)
+
+
+class Samples:
+    """The samples of odometry, with a wall that is always seen."""
+
+    def __init__(self, odometry: list[Odom]) -> None:
+        self.odometry = odometry
+
+    def between(self, *_: float) -> "Samples":
+        return self
+
+    def mean_wall(self) -> Wall:
+        return WALL
+
+
+class Done:
+    """Watches a drive that is done at once."""
+
+    def __init__(self, *_: object, is_first: bool) -> None:
+        pass
+
+    def is_done(self, *_: object) -> bool:
+        return True
+
+
+class Robot:
+    """The driver, the operator's program, the injector and the person: notes what is asked of them."""
+
+    def __init__(self, *, speed_m_s: float = 0.8, bearing_rad: float = 0.0, begins: bool = True) -> None:
+        self.now_s, self.speed_m_s, self.bearing_of_wall_rad, self.begins = (
+            2.0,
+            speed_m_s,
+            bearing_rad,
+            begins,
+        )
+        self.requests: list[Velocity] = []
+        self.drives: list[Drive] = []
+        self.lifted: list[tuple[Fault, Velocity]] = []
+        self.presses = 0
+        self.status = None
+        self.trace = Samples([self.odom()])
+
+    def odom(self) -> Odom:
+        return Odom(self.now_s, POSE, self.speed_m_s, 0.0)
+
+    async def beat(self) -> None:
+        self.now_s += 0.1
+        self.trace.odometry.append(self.odom())
+
+    async def wait(self, seconds: float) -> None:
+        self.now_s += seconds
+
+    async def drive(self, drive: Drive, _: Base) -> None:
+        self.drives.append(drive)
+
+    async def begin(self, _: Fault) -> float:
+        if not self.begins:
+            raise InjectionError("no answer")
+        return self.now_s
+
+    async def lift(self, fault: Fault) -> None:
+        self.lifted.append((fault, self.requests[-1]))
+
+    def request(self, velocity: Velocity) -> None:
+        self.requests.append(velocity)
+
+    def press_estop(self) -> None:
+        self.presses += 1
+
+    def wall(self) -> Wall:
+        return WALL
+
+    def gap_m(self, _: Wall) -> float:
+        return 5.0
+
+    def bearing_rad(self, _: Wall) -> float:
+        return self.bearing_of_wall_rad
+
+    def key(self) -> None:
+        return None
+
+    def say(self, _: str) -> None:
+        pass
+
+
+def rounds_of(robot: Robot) -> Rounds:
+    same = cast("Any", robot)
+    found = Rounds(same, same, same, same, Bases(BASE, BASE), "teleop")
+    found.place = Place(POSE, 5.0)
+    return found
+
+
+def test_a_robot_that_moves_after_its_fault_was_lifted_is_not_driven_on_but_stopped() -> None:
+    robot = Robot()
+    plan = Plan(Fault.LIDAR_SILENT, 0.8)
+    seen = asyncio.run(rounds_of(robot)._at_rest(plan, SEEN))  # pyright: ignore[reportPrivateUsage]
+    assert not seen.is_stopped
+    assert robot.presses == 1
+    assert set(robot.requests) == {NEUTRAL}
+
+
+def test_a_base_that_turns_too_far_each_time_is_turned_only_a_few_times() -> None:
+    robot = Robot(bearing_rad=0.2)
+    asyncio.run(rounds_of(robot)._face())  # pyright: ignore[reportPrivateUsage]
+    assert len(robot.drives) == rounds.MOST_TURNS
+
+
+def test_a_robot_that_faces_the_wall_is_not_turned() -> None:
+    robot = Robot(bearing_rad=rounds.TURN_RAD)
+    asyncio.run(rounds_of(robot)._face())  # pyright: ignore[reportPrivateUsage]
+    assert robot.drives == []
+
+
+def test_a_robot_of_which_odometry_says_nothing_after_a_time_has_not_stood() -> None:
+    robot = Robot(speed_m_s=0.0)
+    assert rounds_of(robot)._stood(1.9)  # pyright: ignore[reportPrivateUsage]
+    assert not rounds_of(robot)._stood(2.0)  # pyright: ignore[reportPrivateUsage]
+
+
+def test_a_fault_whose_begin_failed_is_lifted_after_zero_was_requested(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(rounds, "Watch", Done)
+    robot = Robot(begins=False)
+    with pytest.raises(InjectionError):
+        asyncio.run(rounds_of(robot)._drive(Plan(Fault.ROS2_KILLED, 0.8)))  # pyright: ignore[reportPrivateUsage]
+    assert robot.lifted == [(Fault.ROS2_KILLED, NEUTRAL)]
