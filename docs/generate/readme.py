@@ -4,7 +4,7 @@ The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 
     film    what the first picture shows: docs/campaign/crash_film.jsonl
     stop    time and distance of a robot whose teleop is killed: docs/campaign/real.jsonl and ros2_crash.jsonl
-    cost    processor time and memory of the supervision: docs/ros2.md, bench.jsonl, bench_robots.jsonl and soak.jsonl.gz in docs/campaign
+    cost    processor time and memory of the supervision: docs/ros2.md, bench.jsonl and soak.jsonl.gz in docs/campaign
 """
 
 import math
@@ -14,7 +14,6 @@ import numpy as np
 
 from bench.process import Load
 from bench.rig.stored import read_appended, read_rows
-from bench.robots.results import read as read_robots
 from bench.soak import Sample
 from docs.generate import sections
 from docs.generate.benches import BENCH
@@ -75,23 +74,26 @@ def cost() -> str:
     """Return the cost of a supervisor, a teleop and a process `ros2`.
 
     Raises:
-        ValueError: docs/ros2.md does not have the figures of the process `ros2`, or no stored robot was limited by the barrier.
+        ValueError: docs/ros2.md does not have the figures of the process `ros2`, or no stored robot drove or was limited by the barrier.
     """
     bridge = re.search(r"`ros2` needs (\d+ % of a core and \d+ MB)", ROS2_PAGE.read_text())
     if bridge is None:
         raise ValueError("docs/ros2.md has no processor time")
-    robots, bench = read_robots(), read_rows(BENCH)
-    quiet = robots.run["machine"]
-    one_robot = next(one for one in robots.crowds if one.robots == 1)
-    limited = [one.cpu_percent for one in bench.of("process", Load) if one.mode == "LIMITED"]
-    if not limited:
-        raise ValueError("docs/campaign/bench.jsonl has no phase in which the barrier limited the robot")
+    bench = read_rows(BENCH)
+    phases = bench.of("process", Load)
+    free, limited = (
+        [one.cpu_percent for one in phases if one.mode == mode] for mode in ("DRIVING", "LIMITED")
+    )
+    if not (free and limited):
+        raise ValueError(
+            "docs/campaign/bench.jsonl has no phase in which the robot drove, or none in which the barrier limited it"
+        )
+    machine = bench.run["machine"]
     samples, _ = read_appended(SOAK, Sample)
     used = samples[-1].processes
     return (
-        f"* **Cost**: the supervisor takes {np.mean(one_robot.cpu_percent):.1f} % of a core "
-        f"({_processor(quiet)}, {sections.load_of([quiet])}), {np.median(limited):.1f} % near an obstacle "
-        f"({sections.load_of([bench.run['machine']])}), and {used['supervisor'].rss_bytes / 1e6:.0f} MB after an hour. "
+        f"* **Cost**: the supervisor takes {np.median(free):.1f} % of a core, {np.median(limited):.1f} % near an obstacle "
+        f"({_processor(machine)}, {sections.load_of([machine])}), and {used['supervisor'].rss_bytes / 1e6:.0f} MB after an hour. "
         f"The process `ros2` takes {bridge[1]}; teleop takes {used['teleop'].rss_bytes / 1e6:.0f} MB."
     )
 
