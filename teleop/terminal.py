@@ -172,7 +172,8 @@ class Terminal:
         is_lost = self._pulse.is_lost(now_s)
         if not self._is_dumb and self._pulse.is_due(now_s):
             self._pulse.ask(now_s)
-            text += self._questions() + _MARK_PASTE + _ASK  # another program may have disabled the marks of pasted text
+            # Another program may have disabled the marks of pasted text.
+            text += self._questions() + _MARK_PASTE + _ASK
         return (self._write(text) if text else self._is_writable()) and not is_lost
 
     def note(self, text: str) -> None:

@@ -109,7 +109,7 @@ UNFOCUSED = "a key while the terminal does not have the keyboard focus"
 """Another program copied it from another window or pane."""
 UNPRESSED = "a release without its press"
 """A key was released whose press is unknown while another key is down. A change of the layout or of Num Lock renames a key, so
-this may be the release of the held key. While no key is down, such a release is ignored: its key was pressed before teleop
+this may be the release of the held key. While no key is down, such a release is not reported: its key was pressed before teleop
 read the terminal, such as the Enter that started teleop."""
 NOT_TYPED = frozenset({PASTED, SEVERAL, PLAIN, WHEEL, UNKNOWN, REPLY, UNFINISHED, UNFOCUSED, UNPRESSED})
 """Pseudo keys in place of input that is not the press of a known key."""
