@@ -145,7 +145,7 @@ class Injector:
         return now_s
 
     async def lift(self, fault: Fault) -> None:
-        """End a fault that does not end with the operator's program. A killed supervisor is restarted by supervisord.
+        """End a fault that does not end with the operator's program. supervisord restarts killed processes without a lift.
 
         Raises:
             InjectionError: it cannot be ended.
