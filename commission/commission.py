@@ -160,7 +160,7 @@ class Conductor:
         self._there_m = 0.0
         """Distance of the last straight drive, by odometry."""
         self._is_stopped = False
-        """Whether an expected stop of the supervisor has ended the last drive."""
+        """Whether the supervisor ended the last drive by an expected stop."""
         self._base = plan.Base(
             config.base_acceleration_m_s2,
             min(plan.POOR_DECELERATION_M_S2, config.deceleration_m_s2),
@@ -203,7 +203,7 @@ class Conductor:
         await self._step(plan.ESTOP)
 
     async def _first(self, step: plan.Step, judge: Callable[[], Awaitable[None]]) -> None:
-        """Drive a step whose signs are unknown until it ends as planned, and judge the signs after each drive."""
+        """Repeat a step until the supervisor does not stop it, and judge the signs of base, odometry and lidar after each drive."""
         while True:
             await self._step(step, is_first=True)
             await judge()

@@ -241,8 +241,8 @@ class Driver:
         Args:
             drive: the motion.
             base: what is assumed of the base.
-            is_first: whether the signs of base, odometry and lidar are still unknown: then no direction is a surprise, and
-                the supervisor may take a wrong sign for a base that does not respond.
+            is_first: whether the signs of base, odometry and lidar are still unknown. Then no direction is a surprise, and
+                a stop by `BASE_UNRESPONSIVE` is expected, because a wrong sign looks like a base that does not respond.
             until_estop: whether an e-stop is expected.
 
         Raises:
@@ -258,7 +258,7 @@ class Driver:
         expected = StopReason.SCAN_BLIND if drive.way_m < 0.0 else None
         if until_estop:
             expected = StopReason.ESTOP
-        elif is_first:  # of a wrong sign, which the motion until then shows
+        elif is_first:  # caused by a wrong sign, which the motion before the stop shows
             expected = StopReason.BASE_UNRESPONSIVE
         is_stopped = False
         forward, turn = math.copysign(drive.speed, drive.way_m), math.copysign(drive.speed, drive.turn_rad)

@@ -36,7 +36,7 @@ class Estimate(NamedTuple):
         return self.low if abs(self.low - reference) > abs(self.high - reference) else self.high
 
     def with_errors(self, *u95s: float) -> "Estimate":
-        """Return the estimate with the half widths of further, independent errors."""
+        """Return the estimate with its 95 % half width increased by those of further, independent errors."""
         return self._replace(u95=math.hypot(self.u95, *u95s))
 
     @property

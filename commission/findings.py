@@ -65,7 +65,7 @@ class Findings:
         return [stop for stop in found if stop is not None]
 
     def _toward_wall(self, yaw_rad: float) -> Iterator[tuple[Driven, Floats, Floats]]:
-        """Yield each drive with a stop, its odometry, and its distances to the wall along its heading."""
+        """Yield each drive that ended in a stop, its odometry, and its distances to the wall along its heading."""
         for one in self.driven:
             walls = one.trace.walls()
             walls[:, 1] /= math.cos(one.before.bearing_rad + yaw_rad)  # the robot does not face it exactly
@@ -91,7 +91,7 @@ def results(found: Findings, lidar: NamedLidarSection) -> list[Result]:
     steady = found.steady_scale(late_s, yaw_rad)
     if abs(steady.value - scale.value) > math.hypot(
         steady.u95, scale.u95
-    ):  # wheels that slip at starts and stops
+    ):  # the wheels slip at starts and stops
         scale = steady
     base = brakes(found.stops(scale.value, late_s, yaw_rad), scale.u95 / abs(scale.value), late.u95)
     if yaw.is_determined:  # written near the configured value, not a full turn away

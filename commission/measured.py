@@ -13,7 +13,7 @@ from wire.host.config import ConfigError, section
 
 SECTION = "measured"
 DIGITS = 5
-"""With fewer, rounding would be larger than the uncertainty of a scale."""
+"""Significant digits of a result. With fewer, the rounding error would exceed the uncertainty of a scale."""
 
 
 class Result(NamedTuple):

@@ -28,13 +28,14 @@ LEAST_M = 0.1
 LEAST_RAD = 0.3
 """A shorter drive or turn is not judged."""
 MOVED_M, MOVED_RAD = 0.01, 0.03
-"""A smaller change of the wall does not show a motion."""
+"""A smaller change of the wall's distance or bearing does not show a motion."""
 SPEED_SHARE = 0.1
 """How much the integral of odometry's velocity may differ from the change of its pose."""
 SCALE_SHARE = 0.35
-"""How much the motion by the wall may differ from that by odometry; the heading of the first drive explains 13 %.
+"""Permitted difference between the motions by the wall and by odometry, as a share of that by odometry.
 
-The drives end by odometry. If it shows much less than the true motion, the next ones come too close to the wall.
+A first drive that is not perpendicular to the wall explains a difference of up to 13 %. The drives end by odometry: if it shows
+much less than the true motion, the next drives come too close to the wall.
 """
 
 
@@ -118,17 +119,20 @@ class Mistake(StrEnum):
     BASE_TURNS_BACK = "the base turns right when it is commanded to turn left: correct the sign in its driver or swap its motors"
     ODOMETRY_BACKWARDS = "odometry has the wrong forward sign: correct it in the base's driver"
     ODOMETRY_TURNS_BACK = "odometry has the wrong turn sign: correct it in the base's driver"
-    ODOMETRY_DISTANCE = "the distance by odometry is not that by the wall: correct the radius of the wheels or their gear ratio in the base's driver"
-    ODOMETRY_TURN = (
-        "the turn by odometry is not that by the wall: correct the track width in the base's driver"
-    )
+    ODOMETRY_DISTANCE = "odometry and the wall show different distances: correct the wheel radius or the gear ratio in the base's driver"
+    ODOMETRY_TURN = "odometry and the wall show different turns: correct the track width in the base's driver"
     ODOMETRY_SPEED = "the velocity of odometry is not that of its poses: correct it in the base's driver"
     LIDAR_TURNED = "the surface ahead, by the lidar's mount, is not ahead of the robot: correct yaw_rad, by π for example"
     LIDAR_MIRRORED = "the lidar is mirrored: change flip in its table"
 
 
 def rest_mistakes(before: Wall, after: Wall) -> frozenset[Mistake]:
-    """Return what is wrong after a rest, from the wall at its begin and its end."""
+    """Return what is wrong after a rest.
+
+    Args:
+        before: the wall at the start of the rest.
+        after: the wall at its end.
+    """
     return frozenset({Mistake.BASE_DRIFTS}) if is_moved(before, after) else frozenset()
 
 

@@ -41,7 +41,7 @@ class Base(NamedTuple):
         return speed_m_s * self.reaction_s + speed_m_s**2 / (2.0 * self.deceleration_m_s2)
 
     def run_up_m(self, speed_m_s: float, steady_s: float = STEADY_S) -> float:
-        """Return the distance in which the base reaches a speed, and then keeps it for `steady_s`."""
+        """Return the distance in which the base reaches a speed and then keeps it for `steady_s`."""
         return speed_m_s**2 / (2.0 * self.acceleration_m_s2) + speed_m_s * steady_s
 
 

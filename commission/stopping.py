@@ -1,11 +1,11 @@
 """The dead time and the deceleration of the base, from stops before the wall at several speeds.
 
-A base that keeps its speed v for the dead time D, and then brakes with a, drives after zero is commanded
+After zero is commanded, a base keeps its speed v for the dead time D and then brakes with a. It drives the distance
 
     x = v·D + v²/2a
 
-which is fitted to the stops. The distance x is measured at the wall, so it includes the slip of the wheels, which odometry hides.
-The error of x hardly depends on the speed. A line through x/v would weight the slow stops too much, and state too small intervals.
+This equation is fitted to the stops. The distance x is measured at the wall, so it includes the slip of the wheels, which odometry does
+not show. The error of x hardly depends on the speed. A line through x/v would give too much weight to slow stops, and too small intervals.
 """
 
 import math
@@ -123,8 +123,8 @@ def brakes(stops: Sequence[Stop], scale_u95: float = 0.0, latency_u95_s: float =
 
     Args:
         stops: the stops.
-        scale_u95: the uncertainty of the scale that the stops were computed with, as a share of it.
-        latency_u95_s: the same of the latency.
+        scale_u95: 95 % uncertainty of the scale that the stops were computed with, as a share of the scale.
+        latency_u95_s: 95 % uncertainty of the latency that they were computed with [s].
     """
     if len(stops) < LEAST_STOPS:
         return Brakes(UNKNOWN, UNKNOWN, UNKNOWN)
@@ -142,7 +142,7 @@ def brakes(stops: Sequence[Stop], scale_u95: float = 0.0, latency_u95_s: float =
     if half_inverse.low <= 0.0:
         return Brakes(dead, UNKNOWN._replace(n=len(stops)), slip)
     value = 1.0 / (2.0 * rise)
-    # The lower end is exact: the weakest brakes that the fit permits.
+    # The lower end of the interval is exact: the smallest deceleration that the fit permits.
     weakest = Estimate(value, value - 1.0 / (2.0 * half_inverse.high), len(stops))
     return Brakes(dead, weakest.with_errors(2.0 * value * scale_u95), slip)
 

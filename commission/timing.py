@@ -73,8 +73,8 @@ def latency(scans_s: Floats, distances_m: Floats, odometry_s: Floats, ways_m: Fl
 def latency_of(speeds_m_s: Sequence[float], latencies_s: Sequence[float]) -> Estimate:
     """Return the latency from drives at several speeds.
 
-    If the wheels slip while the speed changes, the wall also follows odometry late: the more, the faster the robot is. If the
-    drives show that, the latency is their value at speed zero.
+    If the wheels slip while the speed changes, the distance to the wall is delayed further, in proportion to the speed. If the
+    delays of the drives grow with the speed, the latency is their value extrapolated to speed zero.
 
     Args:
         speeds_m_s: (n,) speeds of the drives.
@@ -84,6 +84,6 @@ def latency_of(speeds_m_s: Sequence[float], latencies_s: Sequence[float]) -> Est
     line = least_squares(np.stack((np.ones_like(speeds), speeds), axis=1), np.array(latencies_s))
     at_zero_s, rise = line.parameters.tolist()
     if line.estimate(rise, np.array([0.0, 1.0])).low > 0.0:
-        # No scan shows a motion before it begins: a negative value is an error of the line.
+        # A scan cannot show a motion before it begins, so a negative value is an error of the line and is added to the interval.
         return line.estimate(at_zero_s, np.array([1.0, 0.0])).with_errors(min(0.0, at_zero_s))
     return of_repeats(latencies_s)

@@ -123,7 +123,7 @@ class Trace:
         return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
     def turning(self, start: Pose) -> Floats:
-        """Return odometry (n, 3): arrival [s], turn from a pose [rad], counter-clockwise, rate [rad/s]."""
+        """Return odometry (n, 3): arrival [s], counter-clockwise turn since a pose [rad], rate [rad/s]."""
         rows = [
             (one.at_s, wrap(one.pose.yaw_rad - start.yaw_rad), one.angular_rad_s) for one in self.odometry
         ]
@@ -132,7 +132,7 @@ class Trace:
         return found
 
     def bearings(self) -> Floats:
-        """Return (n, 2): arrival [s] and bearing of the wall [rad], without a jump."""
+        """Return (n, 2): arrival [s] and bearing of the wall [rad], without jumps at ±π."""
         rows = [(scan.at_s, scan.wall.bearing_rad) for scan in self.scans if scan.wall is not None]
         found = np.array(rows, dtype=np.float64).reshape(-1, 2)
         found[:, 1] = np.unwrap(found[:, 1])

@@ -34,7 +34,7 @@ class Fault(StrEnum):
 
     @property
     def takes_recorder(self) -> bool:
-        """Whether nothing of the robot can be recorded while it lasts, because the recorder hears it through what is struck."""
+        """Whether nothing can be recorded during the fault, because the recorder receives everything through the affected process."""
         return self in {Fault.SUPERVISOR_KILLED, Fault.SUPERVISOR_STOPPED, Fault.ROS2_KILLED}
 
 
@@ -77,7 +77,7 @@ class Plan(NamedTuple):
 
     fault: Fault
     speed: float
-    """At the fault, in m/s or, of a turn, in rad/s."""
+    """Speed at the fault [m/s]; for a turn, rate [rad/s]."""
 
     @property
     def is_turn(self) -> bool:
@@ -89,7 +89,7 @@ class Plan(NamedTuple):
 
     @property
     def after(self) -> Velocity:
-        """What the operator's program requests from the fault on: after any but a plain zero, the same as before."""
+        """What the operator's program requests after the fault: zero if the fault is a plain zero, otherwise the same as before."""
         return NEUTRAL if self.fault in {Fault.ZERO, Fault.TURN} else self.velocity
 
     def __str__(self) -> str:
@@ -101,7 +101,7 @@ def plans(top: Velocity, wanted: Collection[Fault] = (), *, has_ros2: bool = Fal
 
     Args:
         top: the top speed, and the top rate of a turn.
-        wanted: only these faults; empty: all that the robot can have.
+        wanted: only these faults; empty: all that apply to the robot.
         has_ros2: whether it is a ROS 2 robot.
     """
     for fault in Fault:
@@ -112,11 +112,11 @@ def plans(top: Velocity, wanted: Collection[Fault] = (), *, has_ros2: bool = Fal
 
 
 class Bases(NamedTuple):
-    """What is assumed of the base."""
+    """Assumptions about the base, for straight drives and for turns."""
 
     straight: Base
     turning: Base
-    """On the spot: each m is a rad."""
+    """On the spot; each m means rad."""
 
     def of(self, plan: Plan) -> Base:
         return self.turning if plan.is_turn else self.straight
@@ -125,7 +125,8 @@ class Bases(NamedTuple):
 def trusted_bases(config: SupervisorSection, measured: MeasuredSection | None) -> Bases:
     """Return what is assumed of the base: the configured numbers, or the limits that were measured if they are worse.
 
-    Its reaction contains the longest time until any fault is detected. In a turn, the rim of the hull brakes as hard as its centre.
+    The reaction time includes the longest time until any fault is detected. In a turn, the outermost point of the hull is assumed to decelerate
+    as much as the hull does when it drives straight.
     """
     deceleration_m_s2, dead_s = config.deceleration_m_s2, config.base_dead_time_s
     timeout_s = config.base_timeout_s
@@ -190,7 +191,7 @@ def standing_s(plan: Plan, base: Base) -> float:
 
 LATER_S = 0.3
 TURN_STEADY_S = 0.6
-"""How long the robot turns at the full rate before the fault; longer turns would wrap."""
+"""Time for which the robot turns at the full rate before the fault; in a longer time, it could turn by more than half a circle."""
 MOST_RAD = 3.0
 SIDE_M = 0.5
 """How far the robot may stand from the place that was confirmed, to the side and back."""

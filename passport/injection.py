@@ -110,7 +110,7 @@ class Injector:
             if not self._launch.is_started(self._state) or struck not in names:
                 return f"the process {struck} is not one of this computer's `lifeline up`"
             if SUPERVISORD not in names:
-                return f"nothing would start the {struck} again: start the robot with `lifeline up --detach`"
+                return f"nothing would start the process {struck} again: start the robot with `lifeline up --detach`"
         if fault in SENSORS:
             try:
                 await self._bus.call(topics.SIM_FAULTS, timeout_s=CALL_LIMIT_S)
@@ -136,7 +136,7 @@ class Injector:
                 now_s = self._signal((topics.SUPERVISOR, signal.SIGKILL))
             case Fault.SUPERVISOR_STOPPED:
                 now_s = self._signal((topics.SUPERVISOR, signal.SIGSTOP))
-            case Fault.ROS2_KILLED:  # it must not come back before the base stands, or it would stop the base
+            case Fault.ROS2_KILLED:  # a restart before the base stands would stop the base
                 now_s = self._signal((SUPERVISORD, signal.SIGSTOP), (topics.ROS2, signal.SIGKILL))
             case Fault.LIDAR_SILENT | Fault.ODOMETRY_SILENT:
                 await self._sensors(SENSORS[fault])
@@ -145,7 +145,7 @@ class Injector:
         return now_s
 
     async def lift(self, fault: Fault) -> None:
-        """End a fault whose end is not that of the operator's program; supervisord restarts what was killed by itself.
+        """End a fault that does not end with the operator's program. supervisord restarts killed processes without a lift.
 
         Raises:
             InjectionError: it cannot be ended.
@@ -170,10 +170,10 @@ class Injector:
         return None if reply.success else reply.message
 
     def _signal(self, *signals: tuple[str, signal.Signals]) -> float:
-        """Signal processes of this computer in this order; return the time just before the last.
+        """Send signals to processes of this computer in this order; return the time just before the last signal.
 
         Raises:
-            InjectionError: one of them does not run; then none is signalled.
+            InjectionError: one of the processes does not run; no signal is sent.
         """
         running = {process.name: process for process in processes.of(self._state.path)}
         now_s = math.nan

@@ -30,7 +30,7 @@ def instrument(
     """Return the instrument; None if the robot at rest was not seen well enough.
 
     A distance is the difference of two distances of the wall, so it has √2 times the noise of one (95 %: twice that). To this is added
-    the distance that the robot drives at its top speed while the latency of the scans is unknown. The same holds for a turn.
+    the distance that the robot drives at its top speed during the uncertainty of the latency. The same holds for the angle of a turn.
 
     Args:
         lidar: its name.

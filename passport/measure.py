@@ -89,7 +89,7 @@ class Robot(NamedTuple):
         return Velocity(self.config.max_linear_m_s, self.config.max_angular_rad_s)
 
     def scale(self, *, turn: bool) -> float:
-        """Return the true distance, or turn, divided by that of odometry."""
+        """Return the true distance (of a turn: angle) divided by that of odometry."""
         found = self.measured.turn_scale if turn else self.measured.odometry_scale
         return 1.0 if found is None else found.value
 
@@ -237,7 +237,7 @@ class Measurement:
         return self._rounds.place.gap_m
 
     def _misfit(self, plan: Plan) -> str | None:
-        """Return why a cell does not fit where the robot stood at the start; None if it does."""
+        """Return why a cell does not fit into the free distance at the start; None if it fits."""
         return cells.problem(plan, self._bases.of(plan), self._gap_m())
 
     def _begun(self, found: Instrument, floor: str) -> Passport:
@@ -320,7 +320,7 @@ class Measurement:
         is_seen = not plan.fault.takes_recorder
         if not seen.is_stopped:
             return no_stop(plan.speed, seen.fault_s, seen.rest_s, trace.commands, odometry, is_seen=is_seen)
-        if not is_turn:  # it does not face the wall exactly
+        if not is_turn:  # the robot does not face the wall exactly
             walls[:, 1] /= math.cos(self._driver.bearing_rad(seen.before))
         run = run_of(
             seen.fault_s,

@@ -1,8 +1,8 @@
 """`python -m passport.pilot`: the operator's program of a measurement, which can be killed, stopped and cut off.
 
-It commands as teleop does: it holds the name of its source, and requests a velocity at 20 Hz, and at once when it changes. Each line of its
-stdin is the speed ahead [m/s] and the turn rate [rad/s]. It requests zero if no line has come for `SILENT_S`, and ends with its stdin. Its first line is
-`ready`, or why it cannot drive.
+It commands as teleop does: it holds the name of its source, and requests a velocity at 20 Hz and immediately when the velocity changes. Each line of its
+stdin contains the forward speed [m/s] and the turn rate [rad/s]. It requests zero if no line has arrived for `SILENT_S`, and ends when its stdin ends. The first
+line of its stdout is `ready`, or the reason why it cannot drive.
 """
 
 import asyncio
@@ -81,7 +81,7 @@ class Pilot:
 
 
 def velocity_in(line: bytes) -> Velocity:
-    """Return the velocity of a line; neutral if it has none."""
+    """Return the velocity in a line of stdin; neutral if the line is not two finite numbers."""
     with suppress(ValueError, TypeError):
         wanted = Velocity(*map(float, line.split()))
         if all(map(math.isfinite, wanted)):

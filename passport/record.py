@@ -32,7 +32,7 @@ class _Record(BaseModel):
 
 
 class Run(_Record):
-    """One stop; of a turn, each m is a rad. Times count from the fault; a time is None if it could not be observed."""
+    """One stop. Times count from the fault; a time is None if it could not be observed. For a turn, each m means rad."""
 
     t0_s: Annotated[float, Field(ge=0.0, le=0.0)] | None
     """The fault; None if the recorder could not see when it began."""
@@ -78,7 +78,7 @@ class Cell(_Record):
     load_percent: Annotated[int, Field(ge=0, le=200)]
     with_lifeline: bool
     turn: bool = Field(default=False, exclude_if=lambda turn: not turn)
-    """Whether it is a turn on the spot. Then each m of the cell and of its runs is a rad."""
+    """Whether it is a turn on the spot. Then each m of the cell and of its runs means rad."""
     refused: Sentence | None = None
     """Why the cell was not measured, or was ended early."""
     runs: Annotated[tuple[Run, ...], Field(max_length=MAX_RUNS)] = ()
@@ -95,7 +95,7 @@ def speed_in_words(speed: float, *, turn: bool) -> str:
 
 
 def way_in_words(run: Run, *, turn: bool) -> str:
-    """Return how far a robot that stopped moved, and from which speed."""
+    """Return the distance or angle of a stop, and the speed before it, with units."""
     moved = run.distance_m or 0.0
     if turn:
         return f"{moved:.3f} rad from {run.v0_m_s:.2f} rad/s"
@@ -120,7 +120,7 @@ class Instrument(_Record):
     uncertainty_m: Uncertainty
     """Half width of the 95 % interval of one distance."""
     uncertainty_rad: Uncertainty | None = Field(default=None, exclude_if=lambda value: value is None)
-    """The same of one turn; None in records without turns."""
+    """The same for the angle of a turn [rad]; None in records without turns."""
     uncertainty_s: Uncertainty
     """The largest error of one time."""
 

@@ -31,9 +31,9 @@ ARM_LIMIT_S = 5.0
 TURN_RAD = 0.05
 """A robot that faces the wall less exactly is turned to it before a run."""
 AT_ONCE_RAD = 2.0
-"""It turns back in parts: a turn of half a circle could not be told from one the other way."""
+"""Largest single turn back to the wall. A larger one, near half a circle, could not be distinguished from a turn in the other direction."""
 MOST_TURNS = 4
-"""Two parts, and two corrections: a base that turns too far each time would turn to and fro without end."""
+"""Two turns of at most `AT_ONCE_RAD`, and two corrections. Without this limit, a base that always turns too far would never stop turning."""
 LEAST_SHARE = 0.9
 """Of the commanded speed, at the fault."""
 STANDS_S = 0.5
@@ -125,7 +125,7 @@ class Rounds:
         await self._from_place_m()
 
     async def _face(self) -> None:
-        """Turn to the wall if it is ahead, or where odometry expects it after a turn.
+        """Turn to the wall if the wall is ahead, or in the direction that odometry expects after a turn.
 
         Raises:
             SurpriseError: something unexpected happened.
@@ -233,13 +233,13 @@ class Rounds:
         speed = newest.angular_rad_s if plan.is_turn else newest.linear_m_s
         if speed < LEAST_SHARE * plan.speed:
             shown = speed_in_words(round(speed, 2), turn=plan.is_turn)
-            raise SurpriseError(f"it drives {shown} only: the supervisor or the base limits its speed")
-        try:  # also a fault whose begin failed is lifted: a part of it may have happened
+            raise SurpriseError(f"its speed is only {shown}: the supervisor or the base limits it")
+        try:  # a fault whose start failed is lifted too, because a part of it may have happened
             fault_s = await self._injector.begin(plan.fault)
             seen = Seen(start_s, start, before, fault_s, fault_s, is_stopped=False)
             if not await self._watch(plan, fault_s, watch):
                 return await self._stop_it(seen)
-        finally:  # zero first: the end of a fault, for which an answer may be awaited, permits motion
+        finally:  # request zero before the lift: it may wait for a reply, and motion is permitted from then on
             self._operator.request(NEUTRAL)
             await self._injector.lift(plan.fault)
         if plan.fault in UNSEEN:
@@ -252,7 +252,7 @@ class Rounds:
         return await self._at_rest(plan, seen)
 
     async def _watch(self, plan: Plan, fault_s: float, watch: Watch) -> bool:
-        """Record until the robot stands, or as long as a robot needs of which nothing is seen; return whether it stopped."""
+        """Record until the robot stands or, if the fault takes the recorder, until it must stand; return whether it stopped."""
         stands_s = fault_s + cells.standing_s(plan, self._bases.of(plan))
         while True:
             await self._go_on(plan)
@@ -270,7 +270,7 @@ class Rounds:
                 return False
 
     async def _go_on(self, plan: Plan) -> None:
-        """Let the operator request the same as before, except after a plain zero.
+        """Let the operator's program request the same as before; after a plain zero, zero.
 
         Raises:
             SurpriseError: a key was pressed, or something else has stopped the robot.
@@ -293,7 +293,7 @@ class Rounds:
             raise SurpriseError(key)
 
     def _stood(self, at_s: float) -> bool:
-        """Return whether the first that odometry said after a time is that the robot stood."""
+        """Return whether the first odometry after a time shows the robot at rest."""
         first = next((one for one in self._driver.trace.odometry if one.at_s > at_s), None)
         return first is not None and is_still(first.linear_m_s, first.angular_rad_s)
 
@@ -324,9 +324,9 @@ class Rounds:
         return seen._replace(rest_s=self._driver.now_s)
 
     async def _at_rest(self, plan: Plan, seen: Seen) -> Seen:
-        """Wait until the robot was seen at rest; return the run with this time. A robot that moves on is stopped.
+        """Wait until the robot was seen at rest; return the run with this time. Stop a robot that continues to move.
 
-        The operator requests zero: the fault is lifted, so the supervisor may permit motion again.
+        The operator's program requests zero: the fault is lifted, so the supervisor may permit motion again.
         """
         end_s = self._driver.now_s + STOP_LIMIT_S
         while not self._stands():

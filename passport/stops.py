@@ -45,13 +45,13 @@ def run_of(
 ) -> Run | None:
     """Return the run; None if the robot did not drive steadily before the fault, or the wall or odometry is missing.
 
-    Of a turn, each m is a rad, and the bearing of the wall stands for its distance.
+    For a turn, each m means rad, and `walls` contains the bearing of the wall instead of its distance.
 
     Args:
         fault_s: when the fault began.
         rest_s: when the robot had been at rest for 0.3 s.
         commands: those of the supervisor to the base.
-        odometry: (n, 3) arrival [s], way toward the wall by the poses [m], speed toward it [m/s].
+        odometry: (n, 3) arrival [s], distance driven toward the wall by the poses [m], speed toward it [m/s].
         walls: (m, 2) arrival [s], distance [m].
         is_seen: whether the recorder heard the robot from the fault to the standstill.
         scale: true distance divided by distance of odometry.

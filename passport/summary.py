@@ -57,7 +57,7 @@ def _row(passport: Passport, cell: Cell, together: int) -> Row:
 
 
 def _spoken_of(passport: Passport) -> list[Cell]:
-    """Return the cells of the sentence: those at the highest measured speed, straight and with Lifeline if there are any."""
+    """Return the cells of the sentence: those at the highest measured speed; only straight ones, and only those with Lifeline, if there are any."""
     measured = [cell for cell in passport.cells if cell.runs]
     with_lifeline = any(cell.with_lifeline for cell in measured)
     alike = [cell for cell in measured if cell.with_lifeline == with_lifeline]
@@ -67,7 +67,7 @@ def _spoken_of(passport: Passport) -> list[Cell]:
 
 
 def sentence(passport: Passport) -> str:
-    """Return what the measurement shows, in one sentence; a run without a stop is in it, at any speed and in a turn."""
+    """Return the result of the measurement in one sentence; it names each cell with a run without a stop, slower cells and turns included."""
     spoken = _spoken_of(passport)
     found = [row for row in rows(passport) if row.cell in spoken]
     if not found:

@@ -131,7 +131,7 @@ class RecordFiles:
                 return
             try:
                 self._ready.rename(self._latched)
-            except OSError:  # it is missing, or this disk refuses only the rename: an append-only directory, a mount on the file
+            except OSError:  # the file is missing, or only the rename is refused: an append-only directory, a mount on the file
                 if not os.path.lexists(self._latched):
                     self._write(self._latched)
 
@@ -162,7 +162,7 @@ class RecordFiles:
         content = self._content + f"{by}\n".encode()
         file = open_own(self._latched, os.O_WRONLY | os.O_NONBLOCK)
         try:
-            if os.fstat(file).st_nlink == 1:  # else it has another name too, and may be anybody's file
+            if os.fstat(file).st_nlink == 1:  # with a second hard link, it may be another user's file
                 os.ftruncate(file, os.pwrite(file, content, 0))
                 os.fsync(file)
         finally:

@@ -45,7 +45,7 @@ _NO_MOUSE = "".join(f"\x1b[?{mode}l" for mode in (9, 1000, 1001, 1002, 1003, 900
 _MARK_PASTE = "\x1b[?2004h"
 _TYPED = f"{_MARK_PASTE}\x1b[?1004h\x1b[?1007l{_NO_MOUSE}"
 _NOT_TYPED = "\x1b[?2004l\x1b[?1004l\x1b[?1007h"
-"""Let the terminal mark pasted text and report the keyboard focus, and keep the mouse from sending keys; and the usual modes again."""
+"""Let the terminal mark pasted text and report the keyboard focus, and keep the mouse from sending keys; restore the usual modes."""
 _ENTER = f"\x1b[?1049h\x1b[?25l{_TYPED}"
 _LEAVE = f"{_NOT_TYPED}\x1b[?2026l\x1b[?7h\x1b[0m\x1b[?25h\x1b[?1049l"
 """Also resets the modes that a picture sets, because the last picture may be incomplete."""
@@ -172,7 +172,8 @@ class Terminal:
         is_lost = self._pulse.is_lost(now_s)
         if not self._is_dumb and self._pulse.is_due(now_s):
             self._pulse.ask(now_s)
-            text += self._questions() + _MARK_PASTE + _ASK  # another program may have ended the mark
+            # Another program may have disabled the marks of pasted text.
+            text += self._questions() + _MARK_PASTE + _ASK
         return (self._write(text) if text else self._is_writable()) and not is_lost
 
     def note(self, text: str) -> None:
@@ -268,7 +269,7 @@ class Terminal:
         self._keep_modes()
         hold = self._face.is_full and self._on_releases is not None
         self._has_pushed, self._wheel_asks = False, 0
-        self._decoder = KeyDecoder()  # another program may have read that the focus is back
+        self._decoder = KeyDecoder()  # another program may have read the report that the focus is back
         self._rely()
         self._write(self._face.enter + (_ASK_KEYBOARD if hold else ""))
 

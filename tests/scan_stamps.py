@@ -22,4 +22,4 @@ def _constant_ns(_: int) -> int:
 STAMPS: dict[str, Callable[[int], int]] = {"slow": _slow_ns, "whole": _whole_ns, "constant": _constant_ns}
 """By name: the stamp of a scan at a time by the wall clock, both in nanoseconds."""
 PROBLEMS = {"slow": "run at 0.90 of real time", "whole": "are whole seconds", "constant": "do not change"}
-"""By the same names: the predicate in reports."""
+"""By the same names: how reports describe the stamps."""

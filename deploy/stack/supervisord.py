@@ -36,7 +36,7 @@ TOO_LOW = re.compile(
     r"The minimum number of (?:available )?(processes|file descriptors) required .*? is (\d+)"
 )
 OPTIONS = {"processes": "-u", "file descriptors": "-n"}
-"""Of `ulimit`."""
+"""Options of `ulimit` by the name of the limit in `TOO_LOW`."""
 START_LIMIT_S = 20.0
 FETCH_LIMIT_S = 180.0
 ANSWER_LIMIT_S = 3.0

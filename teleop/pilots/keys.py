@@ -103,13 +103,14 @@ WHEEL = "an arrow, which may be the mouse wheel"
 """An arrow key where the terminal does not report that its mouse wheel sends no arrows."""
 UNKNOWN = "an unknown key sequence"
 REPLY = "a reply to another program"
-"""A string of any characters and length, such as a colour or a clipboard; its end may be long on the way."""
+"""A string of any characters and length, such as a colour or a clipboard; its end may arrive much later."""
 UNFINISHED = "Escape, or an unfinished key sequence"
 UNFOCUSED = "a key while the terminal does not have the keyboard focus"
-"""Another program copies the keys of another window or pane."""
+"""Another program copied it from another window or pane."""
 UNPRESSED = "a release without its press"
-"""A key has another name since its press, as after a change of the layout or Num Lock: a held key may have been released.
-While no key is down, it is the release of a key that was pressed before, such as the Enter that started teleop."""
+"""A key was released whose press is unknown while another key is down. A change of the layout or of Num Lock renames a key, so
+this may be the release of the held key. While no key is down, such a release is not reported: its key was pressed before teleop
+read the terminal, such as the Enter that started teleop."""
 NOT_TYPED = frozenset({PASTED, SEVERAL, PLAIN, WHEEL, UNKNOWN, REPLY, UNFINISHED, UNFOCUSED, UNPRESSED})
 """Pseudo keys in place of input that is not the press of a known key."""
 NO_MOTION = frozenset({*COMMANDS, FOCUS_OUT})
@@ -118,11 +119,11 @@ NO_MOTION = frozenset({*COMMANDS, FOCUS_OUT})
 MAX_KEYS = 3
 """Maximum number of different keys that a person presses between two reads, also over a slow link."""
 PAUSE_S = 1.0
-"""Keys within this time after input that no person typed are the rest of it: a slow link may cut it at each packet."""
+"""Keys within this time after input that no person typed belong to this input: a slow link may cut it at each packet."""
 TOGETHER_S = 0.03
 """No person presses more than `MAX_KEYS` different keys within this time of one another."""
 MAX_DOWN = 32
-"""Maximum number of keys that count as pressed: more than a person holds."""
+"""Maximum number of keys that count as pressed at the same time. A person holds fewer."""
 MAX_PARAMETERS = 64
 """Maximum number of parameter characters in a key's sequence."""
 
@@ -147,7 +148,7 @@ ARROWS = frozenset({"up", "down", "left", "right"})
 _STRINGS = "P]X^_"
 """After ESC: the beginning of a string of any characters, such as a reply with a colour or the terminal's name."""
 _VT52_KEYPAD = "?"
-"""After ESC: a key of the keypad, whose letter follows, of a terminal that a program left in VT52 mode."""
+"""After ESC, on a terminal that a program left in VT52 mode: a key of the keypad, whose letter follows."""
 _C1 = {chr(ord(char) + 0x40): ESCAPE + char for char in "[O" + _STRINGS}
 """The same introducers as one character, from terminals with 8-bit controls."""
 _KEY = re.compile(r"[0-9:;]*")
@@ -201,7 +202,7 @@ class Report(NamedTuple):
 class _State(Enum):
     GROUND = auto()
     ESCAPED = auto()
-    """After ESC: the introducer of a sequence, or a key pressed together with Alt, or a function key of old terminals."""
+    """After ESC: the introducer of a sequence, a key pressed together with Alt, or a function key of an old terminal."""
     CSI = auto()
     """After ESC [: parameters, then one final byte."""
     SS3 = auto()
@@ -211,9 +212,9 @@ class _State(Enum):
 class TypedKeys:
     """Replaces the key events of a read by one pseudo key if no person typed them, with the keys that always count.
 
-    More than `MAX_KEYS` different keys at once were pasted. An unknown sequence may continue in characters, as a mouse report
-    does, and so may pasted text that contains its own end. All last until a pause, because a link may cut them into several
-    reads.
+    More than `MAX_KEYS` different keys at once were pasted. Characters after an unknown sequence may belong to it, as in a mouse
+    report. Characters after the end of pasted text may belong to the text, because the text may contain this end. Each of these
+    inputs lasts until a pause of `PAUSE_S`, because a link may cut it into several reads.
     """
 
     def __init__(self) -> None:
@@ -246,12 +247,12 @@ class KeyDecoder:
         self._state = _State.GROUND
         self._parameters = ""
         self._outer: tuple[_State, str] | None = None
-        """The state of the sequence inside which another one began. mosh and multiplexers insert their answers at any byte,
-        and the rest follows the answer."""
+        """The state and parameters of the sequence inside which another one began. mosh and multiplexers insert an answer at any
+        byte of a sequence; the rest of the sequence follows the answer."""
         self._is_told = False
-        """Whether the unfinished sequence was reported."""
+        """Whether the unfinished sequence was already reported as `UNFINISHED`."""
         self._down: deque[str] = deque(maxlen=MAX_DOWN)
-        """The keys that were pressed and not released, by the names of their releases."""
+        """The keys that were pressed and not released, named as their releases would be."""
         self._has_focus = True
         self._is_pasting = False
         self._is_noted = False
@@ -347,11 +348,11 @@ class KeyDecoder:
             yield from () if self._is_paired(found, final) else (KeyEvent(UNPRESSED),)
         if found is not None:
             yield found
-        if outer is not None:  # the report came from inside another sequence, which goes on
+        if outer is not None:  # the report arrived inside another sequence, which continues now
             self._state, self._parameters = outer
 
     def _is_paired(self, event: KeyEvent, final: str) -> bool:
-        """Note a press, or return whether a release cannot be that of a key that is still down by another name."""
+        """Note a press or a release; return False for a release that may be that of a held key with a changed name."""
         alone = _sequence(f"{self._parameters.partition(';')[0]};1:3", final)
         name = alone.key if isinstance(alone, KeyEvent) else ""
         is_down = name in self._down

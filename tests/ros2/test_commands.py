@@ -58,7 +58,7 @@ class Robot:
         return wrapper
 
     def drive(self, source: Peer, speed_m_s: float) -> None:
-        """Drive; a loaded machine may stop the robot in between: the source then begins again."""
+        """Drive; on a busy machine, the robot may stop in between. The source then starts again."""
         for _ in range(ATTEMPTS):
             source.tell(v=0.0)
             self.watch.until(

@@ -29,7 +29,7 @@ period_s = 0.05
 domain_id = {{domain}}
 """
 LATE_S = 0.25
-"""On a busy machine, the simulated robot takes a command late, and so brakes late."""
+"""On a busy machine, the simulated robot receives a command late and therefore brakes late."""
 BRAKES_M = SPEED_M_S**2 / (2.0 * BRAKING_M_S2)
 TURNS_RAD = TURN_RAD_S**2 / (2.0 * TURN_BRAKING_RAD_S2)
 

@@ -20,7 +20,7 @@ black_box_dir = "{folder}/blackbox"
 """
 STALE = "SCAN_STALE"
 MOMENTS = 10
-"""Whole seconds are fresh at the beginning of each second: so many moments are not all there."""
+"""Stamps in whole seconds are fresh at the beginning of each second. This many samples cannot all fall there."""
 SETTLED, COUNTED = 40, 20
 """Numbers of statuses, ten a second: stamps at 0.9 of real time fall behind by the timeout of a scan in 2.4 s."""
 

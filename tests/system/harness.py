@@ -103,7 +103,7 @@ class Robot:
         return killed_s
 
     def restart_supervisor(self, *options: str) -> None:
-        """Kill and restart it; a status of the killed one that arrives later is older than the present, empty one."""
+        """Kill the supervisor and restart it; a later status of the killed one is older than the empty status set here, so it is ignored."""
         self.kill(topics.SUPERVISOR)
         self.status = SafetyStatus(header(""))
         self.start(topics.SUPERVISOR, *options)

@@ -31,7 +31,7 @@ LIMIT_S = 20.0
 INITIAL_DELAY_S, INTERVAL_S = 0.25, 0.033
 """Of the repeats of a held key."""
 HEARTBEAT_S = 0.05
-"""Of teleop: it sends none while it hangs, and then the supervisor stops the robot."""
+"""Period of teleop's heartbeat. While teleop hangs, it sends none, and the supervisor stops the robot."""
 ROOT = Path(__file__).parents[2]
 ZERO = (0.0, 0.0)
 ALL_MODES = tuple[Any, ...]

@@ -22,7 +22,7 @@ from wire import topics
 from wire.messages import EstopLease
 
 URL = re.compile(r"https?://\S+#\w+(?=\s)")
-"""An address with its whole code: a terminal may deliver a line in parts."""
+"""An address with its complete code. A terminal may deliver a line in parts."""
 CHALLENGES = count(1)
 
 

@@ -124,7 +124,7 @@ def test_the_next_run_removes_what_a_killed_run_has_left() -> None:
         assert len(namespaces_of(process.pid)) == 2
         process.kill()
         process.communicate(timeout=PATIENCE_S)
-    # From now on, the run of another test may remove them first.
+    # The run of another test may remove them first.
     wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in inside), "the programs ended")
     remove_leftovers()
     assert namespaces_of(process.pid) == []

@@ -87,7 +87,7 @@ class Robot:
         return shown
 
     def prints(self, text: str, *command: str) -> str:
-        """Repeat a command until its output has this text, in any lines; return the output."""
+        """Repeat a command until its output contains this text, which may span lines; return the output."""
         shown = ""
 
         def shows() -> bool:

@@ -104,7 +104,7 @@ def repair(disk: Path) -> None:
 
 
 def cover(disk: Path) -> None:
-    """Mount a read-only disk over it: while the supervisor has a file open for writing, only the kernel can make its disk read-only."""
+    """Mount a read-only disk over it. While the supervisor has a file open for writing, only the kernel can make its own disk read-only."""
     subprocess.run(["mount", "-t", "tmpfs", "-o", "ro,mode=700", "lifeline", str(disk)], check=True)
 
 

@@ -30,7 +30,7 @@ CTRL_R = b"\x12"
 LATE_S = 0.3
 """How late a process may be beside other tests."""
 GOODBYE_S = PATIENCE_S / DRIVE_TRIES
-"""Time for a goodbye in one of several attempts: a late supervisor takes the station for lost before it leaves."""
+"""Time for a goodbye in one of several attempts. A delayed supervisor considers the station lost before it leaves."""
 KEY = "robot/estop_station/door"
 
 

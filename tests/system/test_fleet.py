@@ -25,7 +25,7 @@ pytestmark = pytest.mark.long
 
 ROBOTS = ("robot1", "robot2")
 ALL = [f"--expect={name}" for name in ROBOTS]
-"""A command that expects no robot ends half a second after its start, and may not have seen all on a busy machine."""
+"""A command that expects no robot ends half a second after its start. On a busy machine, it may not have received everything."""
 WITHIN_S = 60.0
 
 

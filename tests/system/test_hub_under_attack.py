@@ -167,7 +167,7 @@ async def test_more_strangers_than_a_shell_permits_open_files_do_not_lock_a_clie
     tmp_path: Path,
 ) -> None:
     subject = Robot(free_endpoint(), tmp_path)
-    # The limit of this process itself would not admit the files of all its tests.
+    # A limit for this process itself would be too low for the files of all its tests.
     supervisor = ("sh", "-c", 'ulimit -Sn 256; exec "$@"', "sh", sys.executable, "-m", topics.SUPERVISOR)
     subject.processes[topics.SUPERVISOR] = subprocess.Popen(
         [*supervisor, "--endpoint", subject.endpoint], env=subject.environment

@@ -384,7 +384,7 @@ async def test_published_commands_drive_after_a_zero_and_end_without_a_lost_sour
     async with standing(tmp_path) as subject:
 
         async def attempt() -> None:
-            """The program sends zero only at its start: a stop of a busy machine ends the attempt, and latches its reason."""
+            """The program sends zero only at its start. A stop caused by a busy machine ends the attempt, and latches its reason."""
             process = await start(subject, "topic", "pub", "path/cmd_vel", "{angular: {z: 0.3}}")
             try:
                 assert process.stdout is not None

@@ -38,9 +38,9 @@ UNPROVEN_LIMIT_S = 1.5
 """A held key counts for 1 s at most before the first release, in heartbeats: a busy machine may delay them."""
 ESTOP_LIMIT_S = 0.2
 BYTE_S = 0.05
-"""Between two bytes, so that answers come between them."""
+"""Pause between two bytes, so that answers arrive between them."""
 CUT_S = 0.15
-"""Between the two parts of a sequence on a slow link."""
+"""Pause between the two parts of a sequence on a slow link."""
 
 
 async def scroll(op: Operator) -> None:
@@ -232,7 +232,7 @@ async def test_a_terminal_is_told_again_to_mark_pasted_text_after_another_progra
 async def test_keys_of_another_window_that_a_program_copies_move_nothing_but_space_is_the_emergency_stop(
     mode: tuple[str, ...], key: bytes
 ) -> None:
-    """Such as "broadcast input" of a terminal, or synchronize-panes of tmux with focus-events."""
+    """For example "broadcast input" of a terminal, or synchronize-panes of tmux with focus-events."""
     endpoint = free_endpoint()
     async with hub(endpoint) as h, operator(endpoint, *mode) as op:
         await ready(h, op)

@@ -61,7 +61,7 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 class Site:
-    """A robot in front of a wall, in a directory of its own.
+    """A robot in front of a wall, in its own directory.
 
     Args:
         directory: short, because of the socket in it.

@@ -216,7 +216,7 @@ async def test_an_operator_of_one_robot_cannot_touch_another_through_the_router(
                     return bool(at_victim) and bool(at_witness)
 
                 await until(passes, "what is allowed arrives at both")
-                estop.put(Bool(data=True))  # in order behind the others
+                estop.put(Bool(data=True))  # arrives after the others
                 last = ("robot2/estop", encode(Bool(data=True)))
                 await until(lambda: last in at_victim and last in at_witness, "the last e-stop at both")
                 at_victim.clear()

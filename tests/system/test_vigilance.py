@@ -28,7 +28,7 @@ from wire.messages import SafetyStatus
 pytestmark = pytest.mark.long
 VIGILANCE_S = 2.0
 LATE_S = 2.0
-"""Of a busy machine. A program that reads no more output stops teleop too, but only after 5 s more, when its buffers are full."""
+"""Delay of a busy machine. A program that no longer reads output also stops teleop, but 5 s later, when its buffers are full."""
 LIMIT_M_S = unanswered_limit_m_s(VIGILANCE_S, 0.5)
 
 

@@ -71,7 +71,7 @@ def override(document: dict[str, Any], section: str, key: str, value: str | None
 
 
 class _Printable(logging.Formatter):
-    """Makes what others wrote, such as the name of a file, printable."""
+    """Makes foreign text in a log line, such as the name of a file, printable."""
 
     def format(self, record: logging.LogRecord) -> str:
         return printable_lines(super().format(record))

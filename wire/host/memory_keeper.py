@@ -95,7 +95,7 @@ class MemoryKeeper:
             return
         if sleep is None:
             return
-        # Here and not on the thread: if there is no memory for them, nobody would wait for a thread that has ended.
+        # Allocate here, not on the thread: if there is no memory, the thread would end without setting `made`, and this one would wait forever.
         buffers = [ctypes.create_string_buffer(size) for size in (_STACK_BYTES, _SIGINFO_BYTES)]
         made = threading.Event()
         is_collecting = gc.isenabled()

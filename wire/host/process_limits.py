@@ -105,7 +105,7 @@ _started: list[bool] = []
 
 def _clear_repeatedly() -> None:
     while True:
-        with suppress(OSError):  # no more open files are permitted at the moment
+        with suppress(OSError):  # there is no free file descriptor at the moment
             clear_linger()
         time.sleep(LINGER_PERIOD_S)
 

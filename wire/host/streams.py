@@ -1,11 +1,11 @@
-"""Standard streams that were closed before the start: replaced, so that no socket or file gets their descriptors."""
+"""Replaces standard streams that were closed before the start, so that no socket or file gets their descriptors."""
 
 import os
 import sys
 
 
 def open_closed_streams() -> None:
-    """Open /dev/null in the place of each closed standard stream; call it before anything else is opened."""
+    """Open /dev/null in place of each closed standard stream; call this before anything else is opened."""
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         try:
             os.fstat(descriptor)

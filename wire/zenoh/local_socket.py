@@ -27,7 +27,7 @@ _LOCKS = re.compile(r"(\d+-)?\d+\.sock\.lock")
 ANSWER_S = 1.0
 _RANDOM_BITS = 96
 _IN_ENDPOINTS = frozenset("?#")
-"""Characters after which Zenoh reads options: the socket would be elsewhere, perhaps where others may enter."""
+"""Characters after which Zenoh reads options. It would cut the path there, and create the socket in a directory that others may enter."""
 
 
 class SocketError(Exception):

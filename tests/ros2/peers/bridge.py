@@ -1,6 +1,6 @@
-"""A bridge between ROS and Zenoh, as zenoh-bridge-ros2dds is: it passes scans, odometry and commands on as bytes, without an attachment.
+"""A bridge between ROS and Zenoh, like zenoh-bridge-ros2dds: it forwards scans, odometry and commands as bytes, without an attachment.
 
-The time of publication of a scan is thereby lost, and only its header has a stamp.
+The time of publication of a scan is lost. Only its header has a stamp.
 """
 # pyright: basic, reportMissingImports=false
 

@@ -394,7 +394,7 @@ def test_the_lower_end_of_the_deceleration_is_nearly_always_safe() -> None:
 
 
 def test_the_interval_of_the_dead_time_mostly_contains_the_truth() -> None:
-    """The error of a distance is that of the wall: it does not grow with the speed."""
+    """The error of a distance comes from the wall, and does not grow with the speed."""
     random, speeds, hits = np.random.default_rng(0), np.repeat((0.2, 0.3, 0.4, 0.5), 2), 0
     for _ in range(400):
         ways = 0.1 * speeds + speeds**2 / 2.0 + 0.001 * random.standard_normal(len(speeds))
@@ -417,7 +417,9 @@ def slipping(seed: int, *, latency_s: float = 0.0) -> list[Run]:
     for speed_m_s in (0.2, 0.2, 0.3, 0.3, 0.4, 0.4, 0.5, 0.5):
         true = run(speed_m_s, random, dead_s=0.0, braking_m_s2=0.7, latency_s=latency_s)
         wheels = run(speed_m_s, random, dead_s=0.0, braking_m_s2=2.0)
-        wheels.odometry[:, 0] += true.stopped_s - wheels.stopped_s  # both drive the same way until the stop
+        wheels.odometry[:, 0] += (
+            true.stopped_s - wheels.stopped_s
+        )  # both drive the same distance until the stop
         wheels.odometry[:, 1] += speed_m_s * (true.stopped_s - wheels.stopped_s)
         end = wheels.odometry[-1:] * (0.0, 1.0, 0.0) + (true.rest_s, 0.0, 0.0)
         found.append(true._replace(odometry=np.vstack((wheels.odometry, end - (0.2, 0.0, 0.0), end))))
@@ -429,7 +431,7 @@ def test_wheels_that_slip_in_the_stops_do_not_show_as_latency_or_as_a_wrong_spee
     some = slipping(0, latency_s=latency_s)
     each = [timing.latency(*one.walls.T, *one.odometry[:, :2].T) for one in some]
     speeds = (0.2, 0.2, 0.3, 0.3, 0.4, 0.4, 0.5, 0.5)
-    assert of_repeats(each).low > latency_s  # what the mean would state
+    assert of_repeats(each).low > latency_s  # the mean would be wrong
     late = timing.latency_of(speeds, each)
     assert late.low <= latency_s <= late.high
     before = (steady_speeds(one.stopped_s, one.odometry, one.walls, late.value) for one in some)

@@ -1,4 +1,4 @@
-"""What a line to the operator's program requests."""
+"""The velocity that a line to the operator's program requests."""
 
 import pytest
 

@@ -56,7 +56,7 @@ PASSPORT = Passport(
 
 
 def test_a_record_without_turns_has_the_text_that_it_had_before_there_were_turns() -> None:
-    """Else its digest would be another, and its signature would end."""
+    """Otherwise its digest would change, and its signature would no longer verify."""
     assert "uncertainty_rad" not in PASSPORT.to_json()
     keys = list(json.loads(CELL.model_dump_json()))
     assert keys == ["fault", "speed_m_s", "load_percent", "with_lifeline", "refused", "runs"]

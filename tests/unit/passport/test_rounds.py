@@ -1,4 +1,4 @@
-"""What a run requests of the operator's program, with a driver and an injector that only note it."""
+"""What a run requests from the operator's program; the driver and the injector only note the calls."""
 
 import asyncio
 from typing import Any, cast
@@ -35,7 +35,7 @@ class Samples:
 
 
 class Done:
-    """Watches a drive that is done at once."""
+    """Watches a drive that is done immediately."""
 
     def __init__(self, *_: object, is_first: bool) -> None:
         pass
@@ -45,7 +45,7 @@ class Done:
 
 
 class Robot:
-    """The driver, the operator's program, the injector and the person: notes what is asked of them."""
+    """Stands for the driver, the operator's program, the injector and the person, and notes the calls."""
 
     def __init__(self, *, speed_m_s: float = 0.8, bearing_rad: float = 0.0, begins: bool = True) -> None:
         self.now_s, self.speed_m_s, self.bearing_of_wall_rad, self.begins = (

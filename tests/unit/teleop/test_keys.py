@@ -421,7 +421,7 @@ def test_a_release_without_its_press_is_reported_because_the_key_may_be_a_held_o
 @pytest.mark.parametrize("before", [b"", b"\x1b[13;1:1u\x1b[O\x1b[I", b"\x1b[105;1:1u\x1b[105;1:3u"])
 @pytest.mark.parametrize("released", [b"13", b"13;1:3u\x1b[57443"])
 def test_a_release_is_that_of_an_earlier_press_while_no_key_is_down(before: bytes, released: bytes) -> None:
-    """Such as that of the Enter that started teleop, or of a key for changing windows."""
+    """For example the release of the Enter that started teleop, or of a key that changes windows."""
     decoder = KeyDecoder()
     decoder.tells_releases = True
     decoder.feed(before)

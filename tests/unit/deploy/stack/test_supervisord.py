@@ -22,7 +22,7 @@ def test_one_that_does_not_answer_has_no_programs_and_leaves_no_socket_open(tmp_
 
 
 def test_one_whose_answer_is_no_xml_has_no_programs(tmp_path: Path) -> None:
-    """Supervisord writes the name of its state directory as it is, also with an escape character."""
+    """The daemon writes the name of its state directory without escaping control characters."""
     state = StateDir(tmp_path)
     with socket.socket(socket.AF_UNIX) as server:
         server.bind(str(state.socket))

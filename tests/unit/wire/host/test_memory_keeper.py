@@ -56,7 +56,7 @@ def test_where_it_cannot_be_done_there_is_no_keeper_and_nothing_else_happens(
 def test_without_memory_for_a_keeper_the_process_gets_an_error_and_does_not_wait_for_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Its event loop waited without end for a thread that had ended, so that only SIGKILL ended the process."""
+    """Its event loop waited forever for a thread that had ended, and only SIGKILL ended the process."""
     make = ctypes.create_string_buffer
 
     def allocate(size: int) -> object:

@@ -1,4 +1,4 @@
-"""A program that was started with closed standard streams ends as any other, with its code."""
+"""A program that was started with closed standard streams ends with its exit code, like any other."""
 
 import subprocess
 import sys
