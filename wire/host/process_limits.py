@@ -20,6 +20,7 @@ NO_THREAD = "can't start new thread"
 """The message of Python's RuntimeError."""
 REMEDIES = (
     dict.fromkeys((errno.ENOSPC, errno.EDQUOT), "free some space, or choose another directory")
+    | {errno.ENAMETOOLONG: "give a shorter path"}
     | dict.fromkeys((errno.EMFILE, errno.ENFILE), "raise the limit of open files (`ulimit -n`)")
     | dict.fromkeys(
         (errno.EAGAIN, errno.ENOMEM),

@@ -30,6 +30,7 @@ def check(stdout: int = subprocess.PIPE, **environment: str) -> subprocess.Compl
         (RuntimeError("can't start new thread"), "Resource temporarily unavailable: end other programs"),
         (MemoryError(), "Resource temporarily unavailable: end other programs"),
         (PermissionError(errno.EACCES, "x", "/a"), "/a: Permission denied: correct its permissions"),
+        (OSError(errno.ENAMETOOLONG, "x", "/a"), "/a: File name too long: give a shorter path"),
         (FileNotFoundError(errno.ENOENT, "x"), "the working directory no longer exists: change to another"),
     ],
 )
