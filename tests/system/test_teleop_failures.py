@@ -238,7 +238,8 @@ async def test_suspended_it_leaves_the_shell_a_terminal_and_comes_back_neutral(h
         else:
             os.kill(job.pid, signal.SIGTSTP)
         await until(lambda: job.is_stopped)
-        await until(lambda: h.asks(*ZERO) and not h.sees_teleop())
+        # The token's end stops the robot: a starved process may be suspended before its last zero has left it.
+        await until(lambda: not h.sees_teleop())
         await until(lambda: not op.modes_on & {"1049", "1004"})
         op.type(DELETE_LINE + b"echo it is the $((6*7)) shell\n")
         await until(lambda: "it is the 42 shell" in op.picture)
