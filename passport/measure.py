@@ -1,7 +1,6 @@
 """`lifeline passport measure`: a robot is driven toward a flat wall and stopped by faults, and each stop is recorded."""
 
 import asyncio
-import datetime as dt
 import hashlib
 import math
 import os
@@ -26,7 +25,7 @@ from commission.plan import FACING_RAD
 from commission.wall import Wall
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
-from deploy.stack.provenance import commit, machine
+from deploy.stack.provenance import commit, machine, now
 from deploy.stack.statedir import StateDir
 from passport import cells
 from passport.cells import Fault, Plan
@@ -247,7 +246,7 @@ class Measurement:
             version=version("lifeline"),
             commit=commit(),
             configuration_sha256=hashlib.sha256(file.read_bytes()).hexdigest(),
-            date=dt.datetime.now(tz=dt.UTC).strftime("%Y-%m-%d %H:%M UTC"),
+            date=now(),
             conditions=Conditions(
                 top_speed_m_s=self._robot.top.linear_m_s,
                 loads=(),

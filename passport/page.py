@@ -137,7 +137,7 @@ def _runs(cells: Sequence[Cell]) -> Iterator[str]:
     for cell in cells:
         if not cell.runs:
             continue
-        yield (f'<h3>{escape(cell.fault)}, {cell.speed}, load {cell.load_percent} %</h3><div class="runs">')
+        yield f'<h3>{escape(cell.fault)}, {cell.speed}, load {cell.load_percent} %</h3><div class="runs">'
         for number, run in enumerate(cell.runs, 1):
             picture = speed_over_time(run, f"Run {number} of {cell.fault}")
             yield f"<figure>{picture}<figcaption>{number}: {escape(_run(cell, run))}</figcaption></figure>"

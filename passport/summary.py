@@ -68,11 +68,11 @@ def _spoken_of(passport: Passport) -> list[Cell]:
 
 def sentence(passport: Passport) -> str:
     """Return the result of the measurement in one sentence; it names each cell with a run without a stop, slower cells and turns included."""
-    spoken = _spoken_of(passport)
-    found = [row for row in rows(passport) if row.cell in spoken]
+    spoken, measured = _spoken_of(passport), rows(passport)
+    found = [row for row in measured if row.cell in spoken]
     if not found:
         return "Nothing was measured."
-    alike = [row for row in rows(passport) if row.cell.with_lifeline == spoken[0].with_lifeline]
+    alike = [row for row in measured if row.cell.with_lifeline == spoken[0].with_lifeline]
     failed = [row for row in alike if row.not_stopped]
     if failed:
         each = ", ".join(

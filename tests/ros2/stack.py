@@ -22,12 +22,16 @@ SOURCE, TOPIC = "joy", "/joy_vel"
 ESTOP_SUBSCRIPTIONS, LATCHED_ESTOP_SUBSCRIPTIONS = 2, 3
 """Those of the process `ros2` that match a volatile and a transient local button."""
 
-CONFIGURATION = """
+SUPERVISOR = """
 [bus]
 endpoint = "{endpoint}"
 [supervisor]
 mounts_confirmed = true
 black_box_dir = "{folder}/blackbox"
+"""
+CONFIGURATION = (
+    SUPERVISOR
+    + """\
 sources = [{{ name = "teleop", priority = 100 }}, {{ name = "joy", priority = 90 }}, {{ name = "keys", priority = 80 }}, {{ name = "plan", priority = 10 }}]
 [ros2]
 domain_id = {domain}
@@ -38,6 +42,7 @@ sources = [
   {{ name = "plan", topic = "/plan_vel", arm = "on_request" }},
 ]
 """
+)
 
 
 class Watch:

@@ -7,17 +7,10 @@ from pathlib import Path
 import pytest
 
 from tests.ros2.host import PATIENCE_S, ROOT, Host
-from tests.ros2.stack import MakeStack, Watch
+from tests.ros2.stack import SUPERVISOR, MakeStack, Watch
 from tests.scan_stamps import PROBLEMS
 from tests.system.ports import free_endpoint
 
-CONFIGURATION = """
-[bus]
-endpoint = "{endpoint}"
-[supervisor]
-mounts_confirmed = true
-black_box_dir = "{folder}/blackbox"
-"""
 STALE = "SCAN_STALE"
 MOMENTS = 10
 """Stamps in whole seconds are fresh at the beginning of each second. This many samples cannot all fall there."""
@@ -46,7 +39,7 @@ def test_over_a_bridge_such_stamps_are_named_as_the_cause_of_stale_scans(
 ) -> None:
     monkeypatch.setenv("LIFELINE_STATE_DIR", str(tmp_path / "state"))
     config, endpoint, problem = tmp_path / "robot.toml", free_endpoint(), PROBLEMS[stamps]
-    config.write_text(CONFIGURATION.format(endpoint=endpoint, folder=tmp_path))
+    config.write_text(SUPERVISOR.format(endpoint=endpoint, folder=tmp_path))
     host.start("diff_drive", "--scan-stamps", stamps).ready()
     host.run("supervisor", [sys.executable, "-m", "supervisor", "--config", str(config)], host.variables)
     host.start("bridge", "--endpoint", endpoint).ready()
