@@ -11,7 +11,6 @@ import threading
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from functools import partial
 from modulefinder import ModuleFinder
 from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
@@ -97,18 +96,28 @@ def _lines(seeds: Sequence[int], jobs: int, code: str, console: Console) -> Iter
     progress = Progressing(console, len(seeds))
     try:
         with _interrupts_held_back():
-            lines = pool.map(partial(run_line, code=code), seeds, chunksize=BATCH)
+            batches = [
+                pool.submit(run_lines, seeds[first : first + BATCH], code)
+                for first in range(0, len(seeds), BATCH)
+            ]
         with progress.shown():
             progress.begin("virtual faults")
-            for line in lines:
-                progress.end(broken='"violations":' in line)
-                yield line
+            for batch in batches:
+                for line in batch.result():
+                    progress.end(broken='"violations":' in line)
+                    yield line
     except BaseException:
+        # No batch is cancelled: a pool whose workers died prints a traceback for each one that is, in Python 3.11.
         for worker in active_children():
             worker.kill()  # do not wait for the end of its batch
-        pool.shutdown(cancel_futures=True)
         raise
-    pool.shutdown()
+    finally:
+        pool.shutdown()
+
+
+def run_lines(seeds: Sequence[int], code: str) -> list[str]:
+    """Run one batch in a worker."""
+    return [run_line(seed, code) for seed in seeds]
 
 
 def run_line(seed: int, code: str) -> str:

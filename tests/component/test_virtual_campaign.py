@@ -1,11 +1,16 @@
 """The virtual campaign: every seed is repeatable bit for bit, and a broken law is found."""
 
+import itertools
 import json
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
+from concurrent.futures import Future
 from functools import cache
+from multiprocessing import active_children
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
@@ -181,6 +186,38 @@ def test_a_campaign_keeps_its_trials_and_goes_on_where_it_ended(tmp_path: Path) 
     assert campaigns.campaign(3, 1, out, say_to(said)) == 0
     assert "2 of 3 seeds are in" in " ".join(said)
     assert sorted(trial.seed for trial in read_trials(out)) == [0, 1, 2, 2]
+
+
+def test_an_interrupt_whose_dead_workers_are_noticed_before_anything_else_prints_no_traceback(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    threads = threading.active_count()
+    died = list[threading.ExceptHookArgs]()
+    monkeypatch.setattr(threading, "excepthook", died.append)
+
+    result = Future[list[str]].result
+    results = itertools.count()
+
+    def interrupted(future: Future[list[str]], timeout_s: float | None = None) -> list[str]:
+        if next(results) == 0:
+            return result(future, timeout_s)  # from now on the queue of the workers is full
+        raise KeyboardInterrupt
+
+    class Worker:
+        """One whose end the pool's thread handles at once."""
+
+        def __init__(self, process: BaseProcess) -> None:
+            self._process = process
+
+        def kill(self) -> None:
+            self._process.kill()
+            while threading.active_count() > threads:
+                threading.Event().wait(0.01)
+
+    monkeypatch.setattr(campaigns, "active_children", lambda: [Worker(child) for child in active_children()])
+    monkeypatch.setattr(Future, "result", interrupted)
+    assert campaigns.campaign(20 * campaigns.BATCH, 1, None, print) == 130
+    assert not died
 
 
 def test_a_violation_is_printed_with_the_command_that_replays_it(
