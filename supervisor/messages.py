@@ -1,6 +1,7 @@
 """Convert wire messages to the law's inputs, and decisions to wire messages. No decision is made here."""
 
 import math
+from collections import deque
 from collections.abc import Sequence
 
 from supervisor.law.decision import Decision
@@ -14,7 +15,7 @@ from wire import messages as ros
 from wire.access import NODE_TOKENS
 from wire.bus import Arrival
 from wire.freshness import Sent
-from wire.header_clock import HeaderClock
+from wire.header_clock import SIMULATED_BEFORE_NS, WINDOW_S, HeaderClock
 from wire.stamp import Stamp
 
 HEADER_EPOCH = b"header"
@@ -100,6 +101,35 @@ class ScanHeaders:
             f"the stamps of the {name}'s scans {clock.problem}"
             for name, clock in self._clocks
             if clock.problem
+        )
+
+
+class CommandStamps:
+    """Finds stamps of commands that do not run like real time, for the status.
+
+    Args:
+        sources: the names of the sources.
+    """
+
+    def __init__(self, sources: Sequence[str]) -> None:
+        self._clocks = {name: (HeaderClock(), deque[float](maxlen=1)) for name in sources}
+        """By source, with the arrival of the newest command."""
+
+    def hear(self, source: str, arrivals: Sequence[Arrival[ros.Twist]]) -> None:
+        """Process the commands of one source."""
+        clock, newest_s = self._clocks[source]
+        for _, arrival_s, stamp in arrivals:
+            if stamp is not None:
+                # The clock of a source may count from its start: that is no simulation.
+                clock.hear(stamp.source_time_ns + SIMULATED_BEFORE_NS, arrival_s)
+                newest_s.append(arrival_s)
+
+    def problem(self, now_s: float) -> str:
+        """Why commands that arrive now are refused; empty if their stamps do not show it."""
+        return "; ".join(
+            f"the stamps of {name}'s commands {clock.problem}"
+            for name, (clock, newest_s) in self._clocks.items()
+            if clock.problem and now_s - newest_s[0] <= WINDOW_S
         )
 
 

@@ -20,13 +20,14 @@ from supervisor.law.certificate import Certificate, certify, foreseen
 from supervisor.law.decision import Decision, Mode
 from supervisor.law.estop_stations import Presence, TokenEnd
 from supervisor.law.interlock import Reply
-from supervisor.law.model import Inputs, LawConfig, Liveliness
+from supervisor.law.model import Command, Inputs, LawConfig, Liveliness
 from supervisor.law.reckoning import Velocity
 from supervisor.law.safety import initial_state, runs_out_s, step
 from supervisor.law.scan import LaserScan
 from supervisor.law.sight import mounts_confirmed
 from supervisor.law.state import State
 from supervisor.messages import (
+    CommandStamps,
     ForeignNodes,
     ScanHeaders,
     to_challenge,
@@ -54,6 +55,8 @@ COMMAND_DEPTH = 32
 """Commands of one source kept between two steps; only a flood exceeds it, and then the newest are kept."""
 ESTOP_DEPTH = 32
 STALLED = "the supervisor was stopped meanwhile: reset again in a second"
+UNHEARD = frozenset({StopReason.NO_COMMAND, StopReason.COMMAND_STALE, StopReason.COMMAND_TIMEOUT})
+"""The stops of a source of which no command was accepted lately; the stamps may show why."""
 STATION_STOPS = frozenset({StopReason.ESTOP, StopReason.ESTOP_STATION_LOST})
 """The stops that a station shows."""
 RESET_ON_DISK_S = 0.3
@@ -132,6 +135,7 @@ class SupervisorService:
             )
             for lidar in config.all_lidars()
         ]
+        self._command_stamps = CommandStamps([source.name for source in config.sources])
         self._scan_headers = ScanHeaders([lidar.name for lidar in config.all_lidars()])
         self._odometry = bus.subscribe(topics.ODOM, per_writer=True)  # read at the next tick: not urgent
         self._estops = bus.subscribe(topics.ESTOP, depth=ESTOP_DEPTH, wake=self._turns)
@@ -220,11 +224,11 @@ class SupervisorService:
         if self._estops.overflowed > self._estop_overflowed:
             self._estop_overflowed = self._estops.overflowed
             estop = True
-        commands = [
-            to_command(name, arrival)
-            for name, subscription in self._commands.items()
-            for arrival in subscription.take()
-        ]
+        commands: list[Command] = []
+        for name, subscription in self._commands.items():
+            taken = subscription.take()
+            self._command_stamps.hear(name, taken)
+            commands += [to_command(name, arrival) for arrival in taken]
         changes = self._alive.take()
         for change in changes:
             if change.epoch and change.alive:
@@ -382,6 +386,8 @@ class SupervisorService:
             status.detail = f"{record.by}; {decision.detail}" if decision.detail else record.by
         if decision.causes[:1] == (StopReason.SCAN_STALE,):
             status.detail = self._scan_headers.problem or decision.detail
+        if not UNHEARD.isdisjoint(decision.causes[:1]):
+            status.detail = self._command_stamps.problem(now_s) or decision.detail
         self._status.put(status)
 
     async def _on_reset(self, _: str) -> TriggerResponse:

@@ -1,9 +1,11 @@
-"""Whether the stamps of a topic's headers run like real time.
+"""Whether the stamps of a topic run like real time.
 
-A bridge, a recording or a simulation may stamp headers with a clock that stands, that has only whole seconds, or that runs
-slower than real time. Ages from such stamps grow without a delay, so the messages are refused as late. This module finds
-the cause for reports and the status.
+A bridge, a recording or a simulation may stamp messages with a clock that stands, that has only whole seconds, that runs
+slower than real time, or that goes back. The messages are then refused as late or out of order, although the link delays none.
+This module finds the cause for reports and the status.
 """
+
+from itertools import pairwise
 
 WINDOW_S = 2.0
 """Time over which stamps are compared with arrivals."""
@@ -11,6 +13,8 @@ MIN_MESSAGES = 5
 """Fewer messages in a window show nothing."""
 RATE_TOLERANCE = 0.01
 """A smaller deviation in a window may be the jitter of two arrivals. A deviation counts if two windows in sequence have it."""
+STEPS_BACK = 3
+"""Of the stamps in a window; fewer may be a clock that was set, or messages that overtook each other."""
 SECOND_NS = 1_000_000_000
 SIMULATED_BEFORE_NS = 1_000_000_000 * SECOND_NS
 """No clock of a computer shows a time before September 2001; the clock of a simulation, or since a start, does."""
@@ -56,6 +60,11 @@ class HeaderClock:
 
     def _compare(self, rate: float) -> str:
         """Return how the stamps of this window and of the previous one differ from real time; empty if they do not."""
+        steps_back_ns = [
+            before - after for (before, _), (after, _) in pairwise(self._window) if after < before
+        ]
+        if len(steps_back_ns) >= STEPS_BACK:
+            return f"go back again and again, by up to {max(steps_back_ns) / SECOND_NS:.2f} s"
         if rate == 0.0:
             return "do not change"
         if all(stamp_ns % SECOND_NS == 0 for stamp_ns, _ in self._window):

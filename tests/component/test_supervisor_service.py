@@ -334,6 +334,47 @@ async def test_a_stamp_that_no_ros_time_can_hold_is_reported_as_zero(source_time
         assert rig.newest_status.source_time_ns("teleop") == 0
 
 
+def alternating_s(number: int) -> float:
+    return 0.05 * number - 0.15 * (number % 2)
+
+
+def constant_s(_: int) -> float:
+    return 7.0
+
+
+def slow_s(number: int) -> float:
+    return 0.045 * number
+
+
+@pytest.mark.parametrize(
+    ("stamp_s", "problem"),
+    [
+        (alternating_s, "go back again and again, by up to 0.10 s"),
+        (constant_s, "do not change"),
+        (slow_s, "run at 0.90 of real time, or their delay grows"),
+    ],
+)
+async def test_stamps_of_commands_that_do_not_run_like_real_time_are_named_while_they_arrive(
+    stamp_s: Callable[[int], float], problem: str
+) -> None:
+    rig, numbers = Rig(), itertools.count(1)
+    async with rig.supervisor(), rig.lidar():
+        rogue = rig.network.open_joined("rogue")
+
+        def put() -> None:
+            number = next(numbers)
+            stamp = Stamp(number, round((100.0 + stamp_s(number)) * 1e9), b"r" * 16)
+            twist = planar_twist(0.0 if number < 100 else 0.3, 0.0)
+            rogue.send(topics.source_cmd_vel("teleop").key, encode(twist), stamp.pack())
+
+        async with rig.every(0.05, put):
+            await rig.pass_time(8.0)
+        assert rig.newest_status.detail == f"the stamps of teleop's commands {problem}"
+        assert rig.output() == ZERO
+        await rig.pass_time(3.0)
+        assert "stamps" not in rig.newest_status.detail
+
+
 async def test_a_burst_without_attachments_moves_nothing() -> None:
     """Thirty commands with a neutral among them, as a bridge delivers them after a stall."""
     rig = Rig()

@@ -367,16 +367,22 @@ def section(document: dict[str, Any], name: str, model: type[S]) -> S:
     return read_sections(document, {name: model})[model]
 
 
+MAX_FAULTS = 20
+"""Of a section, in a message: a file can have a million."""
+
+
 def _sentences(name: str, faults: list[dict[str, Any]]) -> Iterator[str]:
-    for fault in faults:
+    for fault in faults[:MAX_FAULTS]:
         depth = len(fault["loc"])
         within = any(other["loc"][:depth] == fault["loc"] for other in faults if len(other["loc"]) > depth)
         if not (fault["type"] == "too_short" and within):  # pydantic does not count entries that are refused
             yield _sentence(name, fault)
+    if len(faults) > MAX_FAULTS:
+        yield f"{name}: there are {len(faults) - MAX_FAULTS} more faults"
 
 
 def _sentence(name: str, fault: dict[str, Any]) -> str:
-    path = ".".join([name, *(str(part) for part in fault["loc"])])
+    path = f"{'.'.join([name, *(str(part) for part in fault['loc'])]):.200}"
     if fault["type"] == "extra_forbidden":
         return f"{path}: there is no such key"
     if fault["type"] == "missing":

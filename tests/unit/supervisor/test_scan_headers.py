@@ -44,6 +44,10 @@ def whole(passed_s: float) -> float:
     return float(int(BEGAN_S + passed_s))
 
 
+def alternating(passed_s: float) -> float:
+    return BEGAN_S + passed_s - 0.15 * (round(passed_s / PERIOD_S) % 2)
+
+
 def simulated(passed_s: float) -> float:
     return 12.5 + 0.9 * passed_s
 
@@ -54,6 +58,7 @@ def simulated(passed_s: float) -> float:
         (slow, "run at 0.90 of real time, or their delay grows"),
         (constant, "do not change"),
         (whole, "are whole seconds"),
+        (alternating, "go back again and again, by up to 0.10 s"),
         (simulated, "run at 0.90 of real time, or their delay grows (simulated time)"),
     ],
 )

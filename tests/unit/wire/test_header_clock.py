@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from wire.header_clock import MIN_MESSAGES, RATE_TOLERANCE, WINDOW_S, HeaderClock, in_words
+from wire.header_clock import MIN_MESSAGES, RATE_TOLERANCE, STEPS_BACK, WINDOW_S, HeaderClock, in_words
 
 BEGAN_NS = 1_700_000_000_123_456_789
 PERIOD_S = 0.05
@@ -53,6 +53,29 @@ def test_whole_seconds_are_named_after_one_window() -> None:
         return (BEGAN_NS // 1_000_000_000 + int(passed_s + 0.1)) * 1_000_000_000
 
     assert after(WINDOW_S, stamp_ns).problem == "are whole seconds"
+
+
+def test_stamps_that_alternate_go_back_by_what_is_left_after_a_period() -> None:
+    def stamp_ns(passed_s: float) -> int:
+        return BEGAN_NS + round((passed_s - 0.15 * (round(passed_s / PERIOD_S) % 2)) * 1e9)
+
+    assert after(WINDOW_S, stamp_ns).problem == "go back again and again, by up to 0.10 s"
+
+
+def test_two_steps_back_in_a_window_are_no_habit_and_three_are() -> None:
+    def clock(steps: int) -> HeaderClock:
+        return after(
+            WINDOW_S,
+            lambda passed_s: BEGAN_NS + round((passed_s - 0.06 * min(steps, int(passed_s / 0.5))) * 1e9),
+        )
+
+    assert clock(STEPS_BACK - 1).problem == ""
+    assert clock(STEPS_BACK).problem == "go back again and again, by up to 0.01 s"
+
+
+def test_two_stamps_in_turn_go_back_although_the_first_is_also_the_last() -> None:
+    clock = after(WINDOW_S, lambda passed_s: BEGAN_NS + round(passed_s / PERIOD_S) % 2)
+    assert clock.problem.startswith("go back again and again")
 
 
 def test_a_problem_that_is_over_is_no_longer_named() -> None:

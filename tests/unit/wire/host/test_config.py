@@ -1,5 +1,6 @@
 """robot.toml: every error names its path, its value and the permitted values."""
 
+import time
 from pathlib import Path
 
 import pytest
@@ -139,3 +140,19 @@ def test_a_key_that_would_reach_into_the_contract_is_refused(key: str) -> None:
 def test_a_program_without_a_certificate_is_a_participant_or_only_reads() -> None:
     assert BusSection().to_bus_config().unproven == (Role.VIEWER,)
     assert BusSection(without_certificate="participant").to_bus_config().unproven == LOCAL_ROLES
+
+
+def test_a_file_with_any_number_of_faults_is_refused_at_once_in_a_short_message(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text("[bus]\n" + "".join(f"k{number} = 1\n" for number in range(20_000)))
+    began_s = time.process_time()
+    with pytest.raises(ConfigError, match="more faults") as refused:
+        section(read_toml(path), "bus", BusSection)
+    assert len(str(refused.value)) < 2000
+    assert time.process_time() - began_s < 3.0, "quadratic time: 50,000 took more than 30 s"
+
+
+def test_a_key_of_any_length_is_named_by_its_beginning() -> None:
+    with pytest.raises(ConfigError, match="there is no such key") as refused:
+        section({"bus": {"k" * 100_000: 1}}, "bus", BusSection)
+    assert len(str(refused.value)) < 500
