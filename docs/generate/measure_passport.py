@@ -2,7 +2,7 @@
 
 A simulated robot, or the ROS 2 robot of the tests, drives in a hall. A program answers the questions of `lifeline passport measure` as a
 person does; the system tests use it too. The page is signed by a new authority, of which only the certificate is kept. A measurement that
-was interrupted is continued by the same command.
+was interrupted is continued by the same command; without its record, docs/passports/ROBOT.json, it begins again.
 """
 
 import argparse
@@ -19,6 +19,7 @@ from typing import Any
 
 import pexpect
 
+from commission.commission import EXIT_INTERRUPTED
 from deploy.keys.commands import init, issue
 from deploy.keys.register import Request
 from deploy.stack.errors import DeployError
@@ -68,7 +69,7 @@ domain_id = {{domain}}
 """
 QUESTIONS = {
     r"Type yes if it agrees\.": "yes",
-    r"Type what the floor is": "concrete",
+    r"Type what the floor is": "simulated",
     r"Type go to drive": "go",
     r"Type the mass": "0 kg",
     r"Type again to repeat": "again",
@@ -102,11 +103,14 @@ class Site:
     Args:
         directory: short, because of the socket in it.
         endpoint: a free one.
-        robot: its file.
+        robot: the text of its file.
+        name: of this file, which a passport shows.
     """
 
-    def __init__(self, directory: Path, endpoint: str, robot: str = DEMO_FILE) -> None:
-        self.file, self.out = directory / "robot.toml", directory / "passport.json"
+    def __init__(
+        self, directory: Path, endpoint: str, robot: str = DEMO_FILE, name: str = "simulated.toml"
+    ) -> None:
+        self.file, self.out = directory / name, directory / "passport.json"
         self.endpoint = endpoint
         self._options = ("--endpoint", endpoint, "--state-dir", str(directory / "state"))
         self.file.write_text(robot)
@@ -138,10 +142,10 @@ class Site:
 
 
 @contextmanager
-def site(endpoint: str, robot: str = DEMO_FILE) -> Generator[Site]:
-    """Give a robot a directory while the context is open, then end it."""
+def site(endpoint: str, *robot: str) -> Generator[Site]:
+    """Give a robot (as `Site` does) a directory while the context is open, then end it."""
     directory = Path(tempfile.mkdtemp(prefix="lifeline-"))  # pytest's paths are too long for a socket
-    one = Site(directory, endpoint, robot)
+    one = Site(directory, endpoint, *robot)
     try:
         yield one
     finally:
@@ -198,7 +202,8 @@ def ros2_robot() -> Generator[Site]:
         host = Host(domain, Path(logs))
         try:
             host.start("diff_drive", "--x", str(START_X_M), "--timeout", str(ROS2_TIMEOUT_S)).ready()
-            with site(free_loopback_endpoint(), ROS2_FILE.format(domain=domain)) as one:
+            file = ROS2_FILE.format(domain=domain)
+            with site(free_loopback_endpoint(), file, "simulated-ros2.toml") as one:
                 one.up()
                 yield one
         finally:
@@ -233,11 +238,11 @@ def measure(robot: str, runs: int, faults: Sequence[str]) -> str:
         written = report(record, page_of(robot), bundle)
         shutil.copyfile(bundle / AUTHORITY, certificate_of(robot))
     record.unlink()
-    return f"{written.page}: {written.shows}"
+    return f"docs/passports/{page_of(robot).name}: {written.shows}"
 
 
 def main() -> int:
-    """Measure; return 1 with one sentence on stderr if that is not possible."""
+    """Measure; return 1 with one sentence on stderr if that is not possible, 130 if it was interrupted."""
     parser = argparse.ArgumentParser(prog="python -m docs.generate.measure_passport")
     parser.add_argument("--robot", choices=ROBOTS, default=DEMO)
     parser.add_argument("--runs", type=int, default=10, help="of each cell")
@@ -248,6 +253,9 @@ def main() -> int:
     except DeployError as error:
         print(f"The passport was not measured: {error}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        print("interrupted: the same command continues this measurement", file=sys.stderr)
+        return EXIT_INTERRUPTED
     return 0
 
 
