@@ -146,7 +146,6 @@ ROBOT ?= demo
 passport: $(STAMP) $(if $(filter ros2,$(ROBOT)),$(ROS2_STAMP)) ## measure N (10) stops of each cell of the simulated robot, or of ROBOT=ros2, for docs/passports; on an idle machine
 	.venv/bin/python -m docs.generate.measure_passport --robot $(ROBOT) --runs $(N)
 	.venv/bin/python -m docs.generate.draw_passport
-	.venv/bin/python -m docs.generate
 
 TRIALS ?= 3
 SEEDS ?= 1000

@@ -1,6 +1,7 @@
-"""Makes the stored passports again from their signed records, and draws docs/images/passport.png: `python -m docs.generate.draw_passport`.
+"""Updates what is made from the stored passports: `python -m docs.generate.draw_passport`.
 
-The picture is what is on the first sheet of paper of the simulated robot's page, as Debian's Chromium shows it.
+The pages are made again from their signed records. README.md has the sentence of the simulated robot's page, and docs/images/passport.png shows
+its first sheet of paper, as Debian's Chromium draws it.
 """
 
 import shutil
@@ -11,10 +12,11 @@ from pathlib import Path
 
 from PIL import Image, ImageOps
 
-from docs.generate import sections
+from docs.generate import readme, sections
 from docs.generate.passports import DEMO, FOLDER, page_of, read
 
 IMAGE = sections.ROOT / "docs/images/passport.png"
+README = sections.ROOT / "README.md"
 SECOND_SHEET = '<h2 class="new">'
 """Begins it, in the page."""
 WIDTH_PX, HEIGHT_PX = 930, 2000
@@ -56,9 +58,10 @@ def draw(chromium: str) -> None:
 
 
 def main() -> int:
-    """Write pages and picture; return 1 with one sentence on stderr if there is no picture."""
+    """Write pages, README.md and picture; return 1 with one sentence on stderr if there is no picture."""
     for file in FOLDER.glob("*.html"):
         file.write_text(read(file.stem)[1])
+    README.write_text(sections.regenerated(README.read_text(), readme.PARTS, README.name))
     chromium = shutil.which("chromium")
     if chromium is None:
         print("The passport cannot be drawn: it needs Debian's package chromium.", file=sys.stderr)
