@@ -29,7 +29,7 @@ NO_RCLPY := ROS 2 is not installed in /opt/ros/jazzy, and PyPI has no rclpy for 
   (only for CPython 3.11 to 3.14 on x86_64 Linux)
 NO_RMW_ZENOH := zenoh-ros2-sdk cannot be installed on this machine
 
-.PHONY: help setup ros2 test-ros2 run test unit component quick system flaky first-minute timed demo proof proofs coverage fifth check bench bench-peers bench-robots bench-fleet bench-link docs picture mutation faults campaign
+.PHONY: help setup ros2 test-ros2 run test unit component quick system flaky first-minute timed demo proof proofs coverage fifth check bench bench-peers bench-robots bench-fleet bench-link docs picture passport mutation faults campaign
 
 help: ## print this list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -139,6 +139,13 @@ docs: $(STAMP) ## update the generated parts and the drawings of README.md and d
 	.venv/bin/python -m docs.generate.draw_lab --out docs/images
 	.venv/bin/python -m docs.generate.draw_crash_safety
 	.venv/bin/python -m docs.generate.draw_benches
+	.venv/bin/python -m docs.generate.draw_passport
+
+ROBOT ?= demo
+
+passport: $(STAMP) $(if $(filter ros2,$(ROBOT)),$(ROS2_STAMP)) ## measure N (10) stops of each cell of the simulated robot, or of ROBOT=ros2, for docs/passports; on an idle machine
+	.venv/bin/python -m docs.generate.measure_passport --robot $(ROBOT) --runs $(N)
+	.venv/bin/python -m docs.generate.draw_passport
 
 TRIALS ?= 3
 SEEDS ?= 1000

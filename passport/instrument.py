@@ -10,9 +10,7 @@ from commission.estimate import Floats
 from passport.record import Instrument
 from teleop.pilots.pilot import Velocity
 
-WALL_FIT = (
-    "robust line through the returns of the lidar {lidar} at the wall ahead: RANSAC, then total least squares"
-)
+WALL_FIT = "robust line through the returns of {lidar} at the wall ahead: RANSAC, then total least squares"
 LEAST_SCANS = 10
 LARGEST = 1.0
 """Of an uncertainty; with a larger one, nothing is measured."""

@@ -15,7 +15,7 @@ BEGIN, END = '<script type="application/json" id="passport">', "</script>"
 STYLE = """<style>.first{font-size:1.5rem;line-height:1.35;max-width:44rem}.pair{display:flex;flex-wrap:wrap;gap:1rem}
 .run{fill:var(--blue)}.curve{stroke:var(--soft);fill:none;stroke-dasharray:4 3}.odom{stroke:var(--amber);fill:none;stroke-width:2}
 .runs{display:grid;grid-template-columns:repeat(auto-fill,minmax(15rem,1fr));gap:.5rem}.runs figure{margin:0}
-@media print{h2.new{break-before:page}.pair{flex-wrap:nowrap;gap:0}.pair svg{width:50%}}</style>"""
+@media print{body{font-size:10pt}h1{font-size:1.5rem}.first{font-size:1.3rem}h2.new{break-before:page}h3{break-after:avoid}.pair{flex-wrap:nowrap;gap:0}.pair svg{width:50%}}</style>"""
 
 
 def page(passport: Passport, inside: str, signer: str | None) -> str:

@@ -110,16 +110,20 @@ def _number(cells: int) -> str:
     return "one cell" if cells == 1 else f"{cells} cells"
 
 
+def _runs(number: int) -> str:
+    return "1 run" if number == 1 else f"{number} runs"
+
+
 def _proof(limits: Sequence[Limit]) -> str:
     if all(one.proven for one in limits):
         return "95 % of all stops, with 95 % confidence for all of these cells together, distance and time each by itself"
     counts = [one.runs for one in limits if not one.proven]
     fewest, most = min(counts), max(counts)
     if len(counts) < len(limits):
-        return f"not 95/95 for all cells, some limits are the largest of {fewest} {'run' if fewest == 1 else 'runs'}"
+        return f"not 95/95 for all cells, some limits are the largest of {_runs(fewest)}"
     if most == 1:
         return "one run each"
-    return f"the largest of {'at least ' if fewest < most else ''}{fewest} {'run' if fewest == 1 else 'runs'} each"
+    return f"the largest of {'at least ' if fewest < most else ''}{_runs(fewest)} each"
 
 
 def not_shown(passport: Passport) -> Iterator[str]:
@@ -132,5 +136,5 @@ def not_shown(passport: Passport) -> Iterator[str]:
     runs = min((len(cell.runs) for cell in spoken), default=0)
     if runs and all(run.stopped for cell in passport.cells for run in cell.runs):
         yield (
-            f"how often a fault has no stop: none in {runs} runs means at most {rounded_up(100 * upper_rate(runs), 1)} % (95 %)"
+            f"how often a fault has no stop: none in {_runs(runs)} means at most {rounded_up(100 * upper_rate(runs), 1)} % (95 %)"
         )

@@ -2,9 +2,10 @@
 
 The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 
-    film    what the first picture shows: docs/campaign/crash_film.jsonl
-    stop    time and distance of a robot whose teleop is killed: docs/campaign/real.jsonl and ros2_crash.jsonl
-    cost    processor time and memory of the supervision: docs/ros2.md, bench.jsonl and soak.jsonl.gz in docs/campaign
+    film      what the first picture shows: docs/campaign/crash_film.jsonl
+    stop      time and distance of a robot whose teleop is killed: docs/campaign/real.jsonl and ros2_crash.jsonl
+    passport  what the second picture shows: docs/passports/demo.html
+    cost      processor time and memory of the supervision: docs/ros2.md, bench.jsonl and soak.jsonl.gz in docs/campaign
 """
 
 import math
@@ -19,9 +20,12 @@ from docs.generate import sections
 from docs.generate.benches import BENCH
 from docs.generate.crash_safety import ROS2, SOAK, result
 from docs.generate.draw_crash_animation import DRIVES, SPEED_M_S
+from docs.generate.passports import DEMO
+from docs.generate.passports import read as read_passport
 from docs.generate.ros2_crash import LIMIT_S, Fault, Robot
 from docs.generate.ros2_crash import read as read_ros2
 from faults.report.figures import Campaign, Spread
+from passport.summary import sentence
 
 ROS2_PAGE = sections.ROOT / "docs/ros2.md"
 KILL = "teleop_sigkill"
@@ -31,8 +35,8 @@ def film() -> str:
     """Return what the animation of the two drives shows."""
     load = sections.load_of([read_rows(DRIVES).run["machine"]])
     return (
-        f"*One run each at {SPEED_M_S:.1f} m/s, {load}: SIGKILL ends the same ROS 2 keyboard node at the red bar; "
-        "the processes are real, base and hall simulated.*"
+        f"*One run each at {SPEED_M_S:.1f} m/s, {load}, SIGKILL at the red bar; "
+        "real processes, base and hall simulated.*"
     )
 
 
@@ -63,6 +67,12 @@ def stop(campaign: Campaign | None) -> str:
 
 def _limit(found: Spread, factor: float = 1.0) -> float:
     return math.inf if found.limit is None else factor * found.limit
+
+
+def passport() -> str:
+    """Return what the passport of the simulated robot says."""
+    record, _ = read_passport(DEMO)
+    return f"*The simulated robot's [passport](docs/passport.md): {sentence(record)}*"
 
 
 def _processor(machine: str) -> str:
@@ -101,5 +111,6 @@ def cost() -> str:
 PARTS: sections.Parts = {
     "film": film,
     "stop": lambda: stop(result("real")),
+    "passport": passport,
     "cost": cost,
 }

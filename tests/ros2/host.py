@@ -40,10 +40,14 @@ Line = dict[str, Any]
 
 
 @contextmanager
-def ros_domain() -> Generator[int]:
-    """Yield a domain that no other test on this machine has; a lock on a file claims it until this process ends."""
-    first = os.getpid() % len(DOMAINS)
-    for domain in [*DOMAINS[first:], *DOMAINS[:first]]:
+def ros_domain(first: int | None = None) -> Generator[int]:
+    """Yield a domain that no other test on this machine has; a lock on a file claims it until this process ends.
+
+    Args:
+        first: the domain to try first; None: one that depends on this process.
+    """
+    before = os.getpid() % len(DOMAINS) if first is None else DOMAINS.index(first)
+    for domain in [*DOMAINS[before:], *DOMAINS[:before]]:
         with Path(f"/tmp/lifeline-ros-domain-{domain}").open("w") as claim:
             try:
                 fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)

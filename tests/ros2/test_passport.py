@@ -1,48 +1,33 @@
 """`lifeline passport measure` on a ROS 2 robot whose brakes and timeout are known."""
 
-import shutil
-import tempfile
 from collections.abc import Generator
-from pathlib import Path
 
 import pytest
 
+from docs.generate.measure_passport import (
+    ROS2_FILE,
+    ROS2_SPEED_M_S,
+    ROS2_TIMEOUT_S,
+    ROS2_TURN_RAD_S,
+    START_X_M,
+    Site,
+    answer,
+)
+from docs.generate.measure_passport import site as new_site
 from tests.ros2.host import Host
 from tests.ros2.peers.drive import BRAKING_M_S2, TURN_BRAKING_RAD_S2
-from tests.system.test_passport import Site, answer
+from tests.system.ports import free_endpoint
 
-TIMEOUT_S, SPEED_M_S, TURN_RAD_S = 0.5, 0.4, 1.5
-FILE = f"""\
-[supervisor]
-max_linear_m_s = {SPEED_M_S}
-max_angular_rad_s = {TURN_RAD_S}
-deceleration_m_s2 = 1.5
-base_timeout_s = {TIMEOUT_S}
-mounts_confirmed = true
-sources = [{{{{ name = "teleop", priority = 100 }}}}, {{{{ name = "path", priority = 10 }}}}]
-[supervisor.lidar]
-view_rad = [-3.14159, 3.14159]
-beams = 360
-range_max_m = 12.0
-period_s = 0.05
-[ros2]
-domain_id = {{domain}}
-"""
 LATE_S = 0.25
 """On a busy machine, the simulated robot receives a command late and therefore brakes late."""
-BRAKES_M = SPEED_M_S**2 / (2.0 * BRAKING_M_S2)
-TURNS_RAD = TURN_RAD_S**2 / (2.0 * TURN_BRAKING_RAD_S2)
+BRAKES_M = ROS2_SPEED_M_S**2 / (2.0 * BRAKING_M_S2)
+TURNS_RAD = ROS2_TURN_RAD_S**2 / (2.0 * TURN_BRAKING_RAD_S2)
 
 
 @pytest.fixture
 def site(host: Host) -> Generator[Site]:
-    directory = Path(tempfile.mkdtemp(prefix="lifeline-"))  # pytest's paths are too long for a socket
-    one = Site(directory, FILE.format(domain=host.domain))
-    try:
+    with new_site(free_endpoint(), ROS2_FILE.format(domain=host.domain)) as one:
         yield one
-    finally:
-        one.down()
-        shutil.rmtree(directory, ignore_errors=True)
 
 
 def measure(site: Site, *faults: str) -> int | None:
@@ -60,7 +45,7 @@ def measure(site: Site, *faults: str) -> int | None:
 def test_the_stops_of_a_ros2_robot_are_those_of_its_brakes_and_without_ros2_of_its_timeout(
     host: Host, site: Site
 ) -> None:
-    host.start("diff_drive", "--x", "2.0", "--timeout", str(TIMEOUT_S)).ready()
+    host.start("diff_drive", "--x", str(START_X_M), "--timeout", str(ROS2_TIMEOUT_S)).ready()
     assert measure(site, "turn", "operator-killed", "ros2-killed") == 0
     record = site.record()
     assert [cell.fault for cell in record.cells] == [
@@ -75,9 +60,9 @@ def test_the_stops_of_a_ros2_robot_are_those_of_its_brakes_and_without_ros2_of_i
     within_m, within_rad = record.instrument.uncertainty_m, record.instrument.uncertainty_rad
     assert within_rad is not None
     for run, truth, within, late in (
-        (turn, TURN_RAD_S * turn.t1_s + TURNS_RAD, within_rad, TURN_RAD_S * LATE_S),
-        (killed, SPEED_M_S * killed.t1_s + BRAKES_M, within_m, SPEED_M_S * LATE_S),
-        (alone, SPEED_M_S * TIMEOUT_S + BRAKES_M, within_m, SPEED_M_S * LATE_S),
+        (turn, ROS2_TURN_RAD_S * turn.t1_s + TURNS_RAD, within_rad, ROS2_TURN_RAD_S * LATE_S),
+        (killed, ROS2_SPEED_M_S * killed.t1_s + BRAKES_M, within_m, ROS2_SPEED_M_S * LATE_S),
+        (alone, ROS2_SPEED_M_S * ROS2_TIMEOUT_S + BRAKES_M, within_m, ROS2_SPEED_M_S * LATE_S),
     ):
         print(
             f"\n{run.distance_m} by the lidar, {run.odometry_m} by odometry, {truth} is true, within {within}"
@@ -91,7 +76,7 @@ def test_the_stops_of_a_ros2_robot_are_those_of_its_brakes_and_without_ros2_of_i
 def test_a_base_that_keeps_its_last_command_has_no_stop_although_ros2_stops_it_when_it_is_back(
     host: Host, site: Site
 ) -> None:
-    host.start("diff_drive", "--x", "2.0", "--timeout", "none").ready()
+    host.start("diff_drive", "--x", str(START_X_M), "--timeout", "none").ready()
     assert measure(site, "ros2-killed") == 1
     ((run,),) = (cell.runs for cell in site.record().cells)
     assert not run.stopped

@@ -2,118 +2,29 @@
 
 import asyncio
 import re
-import shutil
-import subprocess
-import tempfile
 from collections.abc import Generator
-from pathlib import Path
-from typing import Any
 
 import pexpect
 import pytest
 
-from passport.record import Passport, from_json
+from docs.generate.measure_passport import BRAKING_M_S2, PATIENCE_S, SPEED_M_S, Site, answer, run
+from docs.generate.measure_passport import site as new_site
 from tests.system.ports import free_endpoint
-from tests.system.test_record import lifeline, say
+from tests.system.test_record import say
 from wire import topics
 from wire.standstill import STILL_M_S
 from wire.zenoh.bus import BusConfig, open_bus
 
-PATIENCE_S = 60.0
-MOST_REPEATS = 20
-"""A busy machine stops the robot; a person then repeats the run."""
-BRAKING_M_S2, SPEED_M_S = 1.5, 0.5
 LATE_M = 0.25
 """On a busy machine, a fault is detected late; a robot that brakes later than this has not been stopped by it."""
 REST_S = 3.0
 """Braking takes a third of a second."""
-HALL = "[hall]\nsize_m = [12.0, 10.0]\n\n[start]\nx_m = 2.0\n"
-ROBOT = f"""\
-[supervisor]
-max_linear_m_s = {SPEED_M_S}
-
-[sim]
-scene = "hall.toml"
-moving = false
-max_linear_m_s = {SPEED_M_S}
-braking_m_s2 = {BRAKING_M_S2}
-"""
-QUESTIONS = {
-    r"Type yes if it agrees\.": "yes",
-    r"Type what the floor is": "concrete",
-    r"Type go to drive": "go",
-    r"Type the mass": "0 kg",
-    r"Type again to repeat": "again",
-    r"Type reset to reset": "reset",
-}
-
-
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run a command to its end, without a terminal."""
-    return subprocess.run(
-        lifeline(*arguments),
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=90,
-    )
-
-
-class Site:
-    """A robot in front of a wall, in its own directory.
-
-    Args:
-        directory: short, because of the socket in it.
-        robot: its file; default: a simulated robot.
-    """
-
-    def __init__(self, directory: Path, robot: str = ROBOT) -> None:
-        self.file, self.out = directory / "robot.toml", directory / "passport.json"
-        self.endpoint = free_endpoint()
-        self._options = ("--endpoint", self.endpoint, "--state-dir", str(directory / "state"))
-        self.file.write_text(robot)
-        (directory / "hall.toml").write_text(HALL)
-
-    def up(self) -> None:
-        started = run("up", "--detach", "--no-viewer", "--config", str(self.file), *self._options)
-        assert started.returncode == 0, started.stderr
-
-    def down(self) -> None:
-        run("down", *self._options[2:])
-
-    def measure(self, *faults: str, runs: int = 1) -> "pexpect.spawn[str]":
-        named = [word for fault in faults for word in ("--fault", fault)]
-        command = lifeline(
-            "passport", "measure", str(self.file), *self._options, *named,
-            "--out", str(self.out), "--load", "0", "--runs", str(runs),
-        )  # fmt: skip
-        return pexpect.spawn(command[0], command[1:], dimensions=(50, 200), encoding="utf-8")
-
-    def record(self) -> Passport:
-        return from_json(self.out.read_text())
 
 
 @pytest.fixture
 def site() -> Generator[Site]:
-    directory = Path(tempfile.mkdtemp(prefix="lifeline-"))  # pytest's paths are too long for a socket
-    one = Site(directory)
-    try:
+    with new_site(free_endpoint()) as one:
         yield one
-    finally:
-        one.down()
-        shutil.rmtree(directory, ignore_errors=True)
-
-
-def answer(terminal: "pexpect.spawn[str]", until: str | None = None) -> None:
-    """Answer all questions until a text is shown; None: until the end."""
-    patterns: list[Any] = [*(f"{question}[^\r]*\r\n" for question in QUESTIONS), until or pexpect.EOF]
-    repeats = 0
-    while (asked := terminal.expect(patterns, timeout=PATIENCE_S)) < len(QUESTIONS):
-        word = list(QUESTIONS.values())[asked]
-        repeats += word == "again"
-        assert repeats < MOST_REPEATS, terminal.before
-        terminal.send(f"{word}\r")
 
 
 async def comes_to_rest(site: Site) -> None:

@@ -145,6 +145,9 @@ def test_what_was_refused_or_never_tested_is_listed() -> None:
     assert "operator's program killed at 0.8 m/s, load 0 %: the wall is too near" in found
     assert found[-1] == "how often a fault has no stop: none in 59 runs means at most 5.0 % (95 %)"
     assert not any("how often" in one for one in not_shown(record()))
+    assert list(not_shown(record(cell("e-stop", run()))))[-1].endswith(
+        "none in 1 run means at most 95.0 % (95 %)"
+    )
 
 
 def test_no_limit_of_the_sentence_is_rounded_down() -> None:

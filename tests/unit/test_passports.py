@@ -1,0 +1,48 @@
+"""The passports that are stored in docs/passports, and the sentence of README.md about one of them."""
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from docs.generate import readme
+from docs.generate.passports import DEMO, ROS2, certificate_of, page_of, read
+from lifeline.cli.app import app
+
+
+def verify(page: Path, certificate: Path) -> tuple[int, str]:
+    """Run `lifeline passport verify`; return its exit code and output."""
+    result = CliRunner().invoke(app, ["passport", "verify", str(page), "--keys", str(certificate)])
+    return result.exit_code, " ".join(result.output.split())
+
+
+@pytest.mark.parametrize("robot", [DEMO, ROS2])
+def test_a_stored_passport_is_verified_by_the_certificate_beside_it_and_by_no_other(robot: str) -> None:
+    code, output = verify(page_of(robot), certificate_of(robot))
+    assert (code, f"signed by {robot} (supervisor@robot)" in output) == (0, True), output
+    other = ROS2 if robot == DEMO else DEMO
+    code, output = verify(page_of(robot), certificate_of(other))
+    assert (code, "signed by" in output) == (1, False), output
+
+
+def test_each_number_in_the_readmes_sentence_about_a_passport_is_that_of_the_record() -> None:
+    """Computed here from the runs: the limits of cells with few runs are their largest values."""
+    record, _ = read(DEMO)
+    top_m_s = record.conditions.top_speed_m_s
+    cells = [cell for cell in record.cells if cell.speed_m_s == top_m_s and not cell.turn]
+    timed = [cell for cell in cells if all(run.t3_s is not None for run in cell.runs)]
+    moved_m = max(run.distance_m or math.nan for cell in cells for run in cell.runs)
+    lasted_s = max(run.t3_s or math.nan for cell in timed for run in cell.runs)
+    fewest = min(len(cell.runs) for cell in cells)
+    numbers = [float(text) for text in re.findall(r"\d+(?:\.\d+)?", readme.passport())]
+    assert numbers == [
+        len(cells),
+        top_m_s,
+        0.0,
+        math.ceil(100 * (moved_m + record.instrument.uncertainty_m)) / 100,
+        len(timed),
+        math.ceil(100 * (lasted_s + record.instrument.uncertainty_s)) / 100,
+        *([fewest] if fewest > 1 else []),
+    ]
