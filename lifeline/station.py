@@ -10,23 +10,29 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import segno
 
 from deploy.stack.bringup import NEW_CODE
 from deploy.stack.console import say
 from deploy.stack.errors import DeployError
-from deploy.stack.launch import Launch
+from deploy.stack.launch import ANY_BASE, Launch
 from deploy.stack.listen import bracketed, cannot_listen, is_loopback
 from deploy.stack.reach import check_may_stop, run_command
+from lifeline.view.ghost import stopping_of
+from lifeline.view.picture import Picture
+from lifeline.view.scene import scene_of
 from station.admission import Address
 from station.pairing import CODE_LIFETIME_S, Pairing
 from station.relay import Relay
 from station.server import serve
 from station.visitors import MAX_VISITORS
 from station.web import Application
+from supervisor.config import SupervisorSection
+from supervisor.measured import MeasuredSection
 from wire.bundle import Bundle, BundleError, choose_bundle
+from wire.bus import Bus, Subscription
 from wire.host.config import NAME
 from wire.host.connections import is_here
 from wire.roles import Role
@@ -156,8 +162,8 @@ async def _serve(
     def report(sentence: str) -> None:
         printer.submit(say, sentence)
 
-    pairing, relay = Pairing(), Relay(name, launch.bus.endpoint)
-    application = Application(name, address, relay, pairing, report)
+    pairing, relay, painter = Pairing(), Relay(name, launch.bus.endpoint), _painter(launch)
+    application = Application(name, address, relay, pairing, report, painter)
 
     def offer() -> None:
         code = "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
@@ -191,12 +197,53 @@ async def _serve(
         if opening.done():
             bus = opening.result()
             relay.join(bus)
+            if painter is not None:
+                painter.join(bus)
         await asyncio.gather(*working)
     finally:
         opening.cancel()
         if bus is not None:
             await bus.close()
     return 0
+
+
+class LivePainter:
+    """Pictures of a running robot; it subscribes to its topics when the first page watches.
+
+    Args:
+        picture: keeps what is drawn.
+    """
+
+    def __init__(self, picture: Picture) -> None:
+        self._picture = picture
+        self._bus: Bus | None = None
+        self._heard: dict[str, Subscription[Any]] = {}
+
+    def join(self, bus: Bus) -> None:
+        """Use an open bus from now on."""
+        self._bus = bus
+
+    def robot(self) -> dict[str, object]:
+        return self._picture.robot()
+
+    def picture(self) -> dict[str, object]:
+        """Return the newest picture: of each topic, only the newest message is drawn."""
+        if self._bus is not None and not self._heard:
+            self._heard = {name: self._bus.subscribe(topic) for name, topic in self._picture.topics.items()}
+        for name, subscription in self._heard.items():
+            for arrival in subscription.take_raw()[-1:]:
+                self._picture.hear(name, arrival.arrival_s, arrival.payload)
+        return self._picture.picture(asyncio.get_running_loop().time())
+
+
+def _painter(launch: Launch) -> LivePainter | None:
+    """Return what shows the robot; None if its configuration is not known here."""
+    if ANY_BASE in launch.nodes:
+        return None
+    config = launch.section("supervisor", SupervisorSection)
+    measured = launch.section("measured", MeasuredSection)
+    most = (config.max_linear_m_s, config.max_angular_rad_s)
+    return LivePainter(Picture(scene_of(config, launch.bus.namespace), stopping_of(config, measured), most))
 
 
 def print_code(url: str) -> None:

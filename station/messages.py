@@ -2,6 +2,7 @@
 
 The first message of a page is `{"code": ...}` or `{"token": ...}`; the server answers with a welcome. From then on, the page
 sends its side of the lease, `{"challenge", "response", "stop"}`, and receives the supervisor's side, and what else it shows.
+On a second connection, it receives pictures, and answers each with `{"drawn": ...}`.
 The numbers of a lease have 64 bits, more than a JavaScript number, and are texts of digits.
 """
 
@@ -51,6 +52,19 @@ def read_lease(text: str) -> EstopLease:
             return EstopLease(_number(challenge), _number(response), stop=stop)
         case _:
             raise BadMessageError("not a lease")
+
+
+def read_drawn(text: str) -> int:
+    """Return the number of the picture that a page has drawn.
+
+    Raises:
+        BadMessageError: it is not one.
+    """
+    match fields := _fields(text):
+        case {"drawn": int(number)} if len(fields) == 1 and not isinstance(number, bool):
+            return number
+        case _:
+            raise BadMessageError("not the number of a picture")
 
 
 def _fields(text: str) -> dict[str, object]:

@@ -3,6 +3,7 @@
 // The lease is held from this loop: a page that hangs, hides or closes is not heard, and the server sends nothing in its place.
 
 import * as leases from "./lease.js";
+import * as pictures from "./picture.js";
 
 const TURN_S = 0.05;
 const RETRY_S = 0.5;
@@ -56,6 +57,7 @@ function onMessage(message) {
   } else if (message.kind === "welcome") {
     ({ station, token } = message);
     isWelcome = true;
+    pictures.begin(token);
     change(lease);
   } else {
     challenge = message;
@@ -81,6 +83,7 @@ async function answer() {
 
 function disconnected(why, number = 0) {
   socket = null;
+  pictures.end();
   isWelcome = false;
   challenge = null;
   lease = leases.disconnected(lease);

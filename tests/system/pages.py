@@ -29,10 +29,10 @@ CHALLENGES = count(1)
 class Server(Operator):
     """`lifeline station --name phone` at a free port."""
 
-    def __init__(self, endpoint: str) -> None:
+    def __init__(self, endpoint: str, config: Path) -> None:
         self.port = free_endpoint().rpartition(":")[2]
         self.origin = f"http://127.0.0.1:{self.port}"
-        options = ("--name", "phone", "--port", self.port, "--endpoint", endpoint)
+        options = ("--name", "phone", "--port", self.port, "--endpoint", endpoint, "--config", str(config))
         super().__init__(LIFELINE, "station", *options)
 
     async def address(self, number: int = 1) -> str:
@@ -73,11 +73,11 @@ class Server(Operator):
                 return
         raise AssertionError("no page is heard")
 
-    def socket(self, origin: str | None = "", host: str = "127.0.0.1") -> connect:
-        """Open the page's websocket, with an origin (by default, its own), as if this computer was named `host`."""
+    def socket(self, origin: str | None = "", host: str = "127.0.0.1", path: str = "lease") -> connect:
+        """Open one of the page's websockets, with an origin (by default, its own), as if this computer was named `host`."""
         given = origin if origin != "" else self.origin
         return connect(
-            f"ws://{host}:{self.port}/lease",
+            f"ws://{host}:{self.port}/{path}",
             origin=None if given is None else Origin(given),
             host="127.0.0.1",
             port=int(self.port),
@@ -130,7 +130,7 @@ async def served(tmp_path: Path, *nodes: str, teleop: bool = False) -> AsyncGene
     """A robot with the required station `phone`, by default only its supervisor, and the server of its page."""
     config = config_with(tmp_path, phone=True)
     async with robot(tmp_path, *(nodes or (topics.SUPERVISOR,)), teleop=teleop, config=config) as subject:
-        server = Server(subject.endpoint)
+        server = Server(subject.endpoint, config)
         try:
             await server.address()
             yield subject, server
