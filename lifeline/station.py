@@ -10,29 +10,25 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import segno
 
 from deploy.stack.bringup import NEW_CODE
 from deploy.stack.console import say
 from deploy.stack.errors import DeployError
-from deploy.stack.launch import ANY_BASE, Launch
+from deploy.stack.launch import Launch
 from deploy.stack.listen import bracketed, cannot_listen, is_loopback
 from deploy.stack.reach import check_may_stop, run_command
-from lifeline.view.ghost import stopping_of
-from lifeline.view.picture import Picture
-from lifeline.view.scene import scene_of
+from lifeline.page import SourceWheel, painter_of, wheel_of
 from station.admission import Address
+from station.driving import Driving
 from station.pairing import CODE_LIFETIME_S, Pairing
 from station.relay import Relay
 from station.server import serve
 from station.visitors import MAX_VISITORS
 from station.web import Application
-from supervisor.config import SupervisorSection
-from supervisor.measured import MeasuredSection
 from wire.bundle import Bundle, BundleError, choose_bundle
-from wire.bus import Bus, Subscription
 from wire.host.config import NAME
 from wire.host.connections import is_here
 from wire.roles import Role
@@ -45,7 +41,9 @@ CODE_LETTERS = "abcdefghjkmnpqrstuvwxyz23456789"
 CODE_LENGTH = 12
 
 
-def run(launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool) -> NoReturn:
+def run(
+    launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool, drives: bool = False
+) -> NoReturn:
     """Serve the page until Ctrl-C.
 
     Args:
@@ -54,10 +52,12 @@ def run(launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool) 
         port: of the page.
         is_open: whether to serve it to the local network.
         may_open: whether to do so without asking.
+        drives: whether a page may drive.
 
     Raises:
         DeployError: the name, the certificate or the port is refused, or the person does not confirm.
     """
+    wheel = wheel_of(launch) if drives else None
     hosts, bundle = _hosts(launch, name, is_open=is_open, may_open=may_open)
     family = socket.AF_INET6 if ":" in hosts[0] else socket.AF_INET
     try:
@@ -66,7 +66,7 @@ def run(launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool) 
         text = f"{bracketed(hosts[0])}:{port}"
         raise cannot_listen(text, error.errno, error.strerror or str(error), "--port N") from error
     address = Address("http" if bundle is None else "https", tuple(map(bracketed, hosts)), port)
-    run_command(lambda stop: _serve(stop, launch, name, address, listening, bundle))
+    run_command(lambda stop: _serve(stop, launch, name, address, listening, bundle, wheel))
 
 
 def beside(launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool) -> Launch:
@@ -155,6 +155,7 @@ async def _serve(
     address: Address,
     listening: socket.socket,
     bundle: Bundle | None,
+    wheel: SourceWheel | None,
 ) -> int:
     loop = asyncio.get_running_loop()
     printer = ThreadPoolExecutor(1)  # a terminal that accepts no output must not delay the lease
@@ -162,8 +163,9 @@ async def _serve(
     def report(sentence: str) -> None:
         printer.submit(say, sentence)
 
-    pairing, relay, painter = Pairing(), Relay(name, launch.bus.endpoint), _painter(launch)
-    application = Application(name, address, relay, pairing, report, painter)
+    pairing, relay, painter = Pairing(), Relay(name, launch.bus.endpoint), painter_of(launch)
+    driving = None if wheel is None else Driving(wheel)
+    application = Application(name, address, relay, pairing, report, painter, driving)
 
     def offer() -> None:
         code = "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
@@ -197,53 +199,15 @@ async def _serve(
         if opening.done():
             bus = opening.result()
             relay.join(bus)
-            if painter is not None:
-                painter.join(bus)
+            for part in (painter, wheel):
+                if part is not None:
+                    part.join(bus)
         await asyncio.gather(*working)
     finally:
         opening.cancel()
         if bus is not None:
             await bus.close()
     return 0
-
-
-class LivePainter:
-    """Pictures of a running robot; it subscribes to its topics when the first page watches.
-
-    Args:
-        picture: keeps what is drawn.
-    """
-
-    def __init__(self, picture: Picture) -> None:
-        self._picture = picture
-        self._bus: Bus | None = None
-        self._heard: dict[str, Subscription[Any]] = {}
-
-    def join(self, bus: Bus) -> None:
-        """Use an open bus from now on."""
-        self._bus = bus
-
-    def robot(self) -> dict[str, object]:
-        return self._picture.robot()
-
-    def picture(self) -> dict[str, object]:
-        """Return the newest picture: of each topic, only the newest message is drawn."""
-        if self._bus is not None and not self._heard:
-            self._heard = {name: self._bus.subscribe(topic) for name, topic in self._picture.topics.items()}
-        for name, subscription in self._heard.items():
-            for arrival in subscription.take_raw()[-1:]:
-                self._picture.hear(name, arrival.arrival_s, arrival.payload)
-        return self._picture.picture(asyncio.get_running_loop().time())
-
-
-def _painter(launch: Launch) -> LivePainter | None:
-    """Return what shows the robot; None if its configuration is not known here."""
-    if ANY_BASE in launch.nodes:
-        return None
-    config = launch.section("supervisor", SupervisorSection)
-    measured = launch.section("measured", MeasuredSection)
-    most = (config.max_linear_m_s, config.max_angular_rad_s)
-    return LivePainter(Picture(scene_of(config, launch.bus.namespace), stopping_of(config, measured), most))
 
 
 def print_code(url: str) -> None:

@@ -9,9 +9,10 @@ from collections.abc import Callable
 from typing import Protocol
 
 from station import messages
+from station.driving import Pictures
 from station.messages import BadMessageError
 
-PERIOD_S = 0.1
+PERIOD_S = 0.05
 """Least time between two pictures."""
 DRAW_LIMIT_S = 3.0
 """A page that has not drawn a picture after this time has ended."""
@@ -24,8 +25,8 @@ class Painter(Protocol):
         """Return what does not change."""
         ...
 
-    def picture(self) -> dict[str, object]:
-        """Return the newest picture."""
+    def picture(self) -> tuple[dict[str, object], float]:
+        """Return the newest picture, and when its oldest scan arrived; -inf if it shows none."""
         ...
 
 
@@ -41,8 +42,8 @@ class Page(Protocol):
         ...
 
 
-async def show(page: Page, painter: Painter, may_watch: Callable[[], bool]) -> None:
-    """Show pictures while the page may watch.
+async def show(page: Page, painter: Painter, pictures: Pictures, may_watch: Callable[[], bool]) -> None:
+    """Show pictures while the page may watch; `pictures` remembers them.
 
     Raises:
         BadMessageError: an answer is not the number of the last picture.
@@ -53,7 +54,9 @@ async def show(page: Page, painter: Painter, may_watch: Callable[[], bool]) -> N
     while may_watch():
         number, sent_s = number + 1, loop.time()
         head = {"kind": "picture", "number": number, "round_trip_s": round(round_trip_s, 4)}
-        await page.send(json.dumps({**head, **painter.picture()}, allow_nan=False))
+        picture, scan_s = painter.picture()
+        pictures.sent(number, scan_s)
+        await page.send(json.dumps({**head, **picture}, allow_nan=False))
         if messages.read_drawn(await page.read(DRAW_LIMIT_S)) != number:
             raise BadMessageError("not the number of the last picture")
         round_trip_s = loop.time() - sent_s

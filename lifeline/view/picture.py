@@ -159,14 +159,16 @@ class Picture:
             and [round(100.0 * ghost.x_m, 1), round(100.0 * ghost.y_m, 1), round(ghost.yaw_rad, 3)],
             "stop": self._last_stop and [round(100.0 * one, 1) for one in self._last_stop],
             "events": [[round(now_s - at_s, 1), text, level] for at_s, text, level in self._events],
-            "age_s": None if math.isinf(age_s := self._age_s(now_s)) else round(age_s, 3),
+            "age_s": None if math.isinf(scan_s := self.scan_s) else round(now_s - scan_s, 3),
             **self._texts(now_s),
         }
 
-    def _age_s(self, now_s: float) -> float:
-        """Return the age of the newest scan, of the lidar whose scan is the oldest; infinite if there is none."""
-        arrivals_s = [at_s for path, (at_s, _) in self._shapes.items() if path.endswith("/points")]
-        return now_s - min(arrivals_s, default=-math.inf)
+    @property
+    def scan_s(self) -> float:
+        """When the newest scan arrived, of the lidar whose scan is the oldest; -inf if there is none."""
+        return min(
+            (at_s for path, (at_s, _) in self._shapes.items() if path.endswith("/points")), default=-math.inf
+        )
 
     def _texts(self, now_s: float) -> dict[str, object]:
         """Return the mode, its cause and what to do, in words, and who drives."""

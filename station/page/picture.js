@@ -20,7 +20,10 @@ const dark = matchMedia("(prefers-color-scheme: dark)");
 let socket = null;
 let robot = null;
 let shown_s = -Infinity;
+let number = 0; // of the newest picture that was submitted for drawing
 let chart = []; // [time, requested, permitted, measured] of the straight velocity
+
+export const drawn = () => number;
 
 export function begin(token) {
   end();
@@ -35,6 +38,7 @@ export function end() {
   socket = null;
   robot = null;
   chart = [];
+  number = 0;
   show(false);
   own?.close();
 }
@@ -51,6 +55,7 @@ function onMessage(message) {
     show(true);
     draw(message);
     tell(message);
+    number = message.number;
     own.send(JSON.stringify({ drawn: message.number }));
   });
 }
