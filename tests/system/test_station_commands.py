@@ -176,6 +176,16 @@ async def test_a_page_that_falls_silent_loses_the_wheel_and_another_one_may_take
             await until(lambda: again.told == [""])
 
 
+async def test_a_second_page_is_told_that_another_one_drives(tmp_path: Path) -> None:
+    async with driver(tmp_path) as (_, server, _, one), server.page() as other:
+        await until(lambda: one.told == [""] and other.token != "")
+        async with server.socket(path="drive") as commands:
+            await commands.send(json.dumps({"token": other.token}))
+            assert await closing_code(commands) == HELD
+            assert commands.close_reason == "Another page drives."
+        assert one.commands.close_code is None
+
+
 async def test_only_a_paired_page_of_its_own_server_drives_and_only_with_drive(tmp_path: Path) -> None:
     async with served(tmp_path, drives=True) as (subject, server), server.heard_page(subject):
         async with server.socket(path="drive") as guest:
