@@ -83,7 +83,8 @@ def check_may_stop(config: BusConfig) -> None:
     Raises:
         DeployError: the role may not stop, or the bundle is refused.
     """
-    _check_role(config, STOPPERS, "stop", Role.ESTOP)
+    issue = f"`lifeline keys issue NAME --role estop --robot {config.namespace}`"
+    _check_role(config, STOPPERS, f"stop: use one of {issue}")
 
 
 def check_may_drive(config: BusConfig) -> None:
@@ -92,10 +93,11 @@ def check_may_drive(config: BusConfig) -> None:
     Raises:
         DeployError: the role may not drive, or the bundle is refused.
     """
-    _check_role(config, (Role.OPERATOR,), "drive", Role.OPERATOR)
+    issue = f"`lifeline keys issue NAME --role operator --robot {config.namespace}`"
+    _check_role(config, (Role.OPERATOR,), f"drive: use one of {issue}")
 
 
-def _check_role(config: BusConfig, roles: Collection[Role], what: str, usual: Role) -> None:
+def _check_role(config: BusConfig, roles: Collection[Role], what: str) -> None:
     if config.keys is None or not tls.is_secure(config.endpoint):
         return
     try:
@@ -104,8 +106,7 @@ def _check_role(config: BusConfig, roles: Collection[Role], what: str, usual: Ro
         raise DeployError(str(error)) from error
     if bundle.role not in roles:
         raise DeployError(
-            f"the certificate of {bundle.name} has the role {bundle.role}, which may not {what}: use one of "
-            f"`lifeline keys issue NAME --role {usual} --robot {config.namespace}`"
+            f"the certificate of {bundle.name} has the role {bundle.role}, which may not {what}"
         )
 
 
