@@ -1,5 +1,6 @@
 """A page drives the robot, in a real browser: only while something is held, and only while the person sees the robot."""
 
+import time
 from collections.abc import AsyncGenerator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -10,6 +11,7 @@ from tests.system.browser import Browser, Tab, browser, needs_chromium
 from tests.system.harness import PATIENCE_S, Robot, patiently
 from tests.system.pages import Server, served
 from tests.system.test_estop_stations import ESTOP, heard
+from tests.system.test_station_browser import LATE_S, PRESSES
 from wire import topics
 
 pytestmark = [needs_chromium, pytest.mark.timeout(240), pytest.mark.timed]  # Chromium uses the whole machine
@@ -46,14 +48,19 @@ async def drives(subject: Robot, tab: Tab, hold: Callable[[], Awaitable[None]]) 
     """Hold something until the robot drives; on a busy machine, the page is reset and tried again."""
 
     async def attempt() -> None:
-        await heard(subject, "phone")
-        if {"ESTOP", "ESTOP_STATION_LOST"} & set(subject.status.reasons):
-            await tab.click(*await tab.middle_of("#reset"))
-        await subject.ready(5.0)
+        await may_drive(subject, tab)
         await hold()
         await subject.until(lambda: subject.status.permitted.linear.x > SLOW_M_S, "motion", PATIENCE_S / 4)
 
     await patiently(attempt)
+
+
+async def may_drive(subject: Robot, tab: Tab) -> None:
+    """Reset the e-stop if it is latched, and wait until the robot stands ready."""
+    await heard(subject, "phone")
+    if {"ESTOP", "ESTOP_STATION_LOST"} & set(subject.status.reasons):
+        await tab.click(*await tab.middle_of("#reset"))
+    await subject.ready(PATIENCE_S / 4)
 
 
 async def stands(subject: Robot) -> None:
@@ -129,3 +136,46 @@ async def test_a_killed_server_stops_the_robot(tmp_path: Path) -> None:
         server.process.kill()
         await stands(subject)
         await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion again", 1.0)
+
+
+@pytest.mark.timeout(240 + 2 * PRESSES)
+async def test_from_a_key_to_cmd_vel(tmp_path: Path) -> None:
+    """Forward and back in turn, so that the robot stays where it is."""
+    async with wheel(tmp_path) as (subject, _, _, tab):
+        await drives(subject, tab, lambda: key(tab, "KeyW", down=True))
+        await key(tab, "KeyW", down=False)
+        await stands(subject)
+        down_s, up_s = list[float](), list[float]()
+        for number in range(PRESSES):
+            code = "KeyS" if number % 2 == 0 else "KeyW"
+
+            async def press(code: str = code) -> None:
+                await may_drive(subject, tab)
+                pressed_s = time.monotonic()
+                await key(tab, code, down=True)
+                try:
+                    moves_s = await moves_after(subject, pressed_s)
+                finally:
+                    lifted_s = time.monotonic()
+                    await key(tab, code, down=False)
+                down_s.append(moves_s)
+                up_s.append(await subject.zero_after(lifted_s))
+
+            await patiently(press)
+        for name, times_s in (("down", down_s), ("up", up_s)):
+            times_s.sort()
+            print(
+                f"\n    measured: key {name} in the browser to cmd_vel: median {times_s[len(times_s) // 2] * 1e3:.1f} ms, "
+                f"99 % within {times_s[int(0.99 * len(times_s))] * 1e3:.1f} ms, n = {len(times_s)}"
+            )
+            assert times_s[len(times_s) // 2] < LATE_S
+
+
+async def moves_after(subject: Robot, time_s: float) -> float:
+    """Return the time from then to the first motion on cmd_vel [s]."""
+
+    def arrivals_s() -> list[float]:
+        return [at for at, twist in subject.outputs if at >= time_s and twist.linear.x != 0.0]
+
+    await subject.until(lambda: bool(arrivals_s()), "motion on cmd_vel", PATIENCE_S / 4)
+    return arrivals_s()[0] - time_s
