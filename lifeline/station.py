@@ -20,7 +20,9 @@ from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.listen import bracketed, cannot_listen, is_loopback
 from deploy.stack.reach import check_may_stop, run_command
+from lifeline.page import SourceWheel, painter_of, wheel_of
 from station.admission import Address
+from station.driving import Driving
 from station.pairing import CODE_LIFETIME_S, Pairing
 from station.relay import Relay
 from station.server import serve
@@ -39,7 +41,9 @@ CODE_LETTERS = "abcdefghjkmnpqrstuvwxyz23456789"
 CODE_LENGTH = 12
 
 
-def run(launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool) -> NoReturn:
+def run(
+    launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool, drives: bool = False
+) -> NoReturn:
     """Serve the page until Ctrl-C.
 
     Args:
@@ -48,10 +52,12 @@ def run(launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool) 
         port: of the page.
         is_open: whether to serve it to the local network.
         may_open: whether to do so without asking.
+        drives: whether a page may drive.
 
     Raises:
         DeployError: the name, the certificate or the port is refused, or the person does not confirm.
     """
+    wheel = wheel_of(launch) if drives else None
     hosts, bundle = _hosts(launch, name, is_open=is_open, may_open=may_open)
     family = socket.AF_INET6 if ":" in hosts[0] else socket.AF_INET
     try:
@@ -60,7 +66,7 @@ def run(launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool) 
         text = f"{bracketed(hosts[0])}:{port}"
         raise cannot_listen(text, error.errno, error.strerror or str(error), "--port N") from error
     address = Address("http" if bundle is None else "https", tuple(map(bracketed, hosts)), port)
-    run_command(lambda stop: _serve(stop, launch, name, address, listening, bundle))
+    run_command(lambda stop: _serve(stop, launch, name, address, listening, bundle, wheel))
 
 
 def beside(launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool) -> Launch:
@@ -149,6 +155,7 @@ async def _serve(
     address: Address,
     listening: socket.socket,
     bundle: Bundle | None,
+    wheel: SourceWheel | None,
 ) -> int:
     loop = asyncio.get_running_loop()
     printer = ThreadPoolExecutor(1)  # a terminal that accepts no output must not delay the lease
@@ -156,8 +163,9 @@ async def _serve(
     def report(sentence: str) -> None:
         printer.submit(say, sentence)
 
-    pairing, relay = Pairing(), Relay(name, launch.bus.endpoint)
-    application = Application(name, address, relay, pairing, report)
+    pairing, relay, painter = Pairing(), Relay(name, launch.bus.endpoint), painter_of(launch)
+    driving = None if wheel is None else Driving(wheel)
+    application = Application(name, address, relay, pairing, report, painter, driving)
 
     def offer() -> None:
         code = "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
@@ -191,6 +199,9 @@ async def _serve(
         if opening.done():
             bus = opening.result()
             relay.join(bus)
+            for part in (painter, wheel):
+                if part is not None:
+                    part.join(bus)
         await asyncio.gather(*working)
     finally:
         opening.cancel()

@@ -2,12 +2,14 @@
 
 The first message of a page is `{"code": ...}` or `{"token": ...}`; the server answers with a welcome. From then on, the page
 sends its side of the lease, `{"challenge", "response", "stop"}`, and receives the supervisor's side, and what else it shows.
+On a second connection, it receives pictures, and answers each with `{"drawn": ...}`. On a third one, it drives with
+`{"linear", "angular", "time_s", "picture"}`, and resets the e-stop with `{"reset": true}`.
 The numbers of a lease have 64 bits, more than a JavaScript number, and are texts of digits.
 """
 
 import json
 import re
-from typing import cast
+from typing import NamedTuple, cast
 
 from wire import foreign
 from wire.message_types import EstopLease, SafetyStatus
@@ -18,7 +20,22 @@ MAX_MESSAGE_BYTES = 512
 MAX_SECRET = 64
 """Characters of a code or a token."""
 MAX_NUMBER = (1 << 64) - 1
+MAX_TIME_S = 1e9
+"""Of a page's clock, which begins when the page is loaded."""
 DIGITS = re.compile(r"[0-9]{1,20}", re.ASCII)
+
+
+class Wanted(NamedTuple):
+    """What the person at a page wants now."""
+
+    linear: float
+    """Share of the largest velocity, from -1 to 1; positive: ahead."""
+    angular: float
+    """Share of the largest rate, from -1 to 1; positive: to the left."""
+    time_s: float
+    """Time of the input, by the page's own clock."""
+    picture: int
+    """The number of the newest picture that the page has drawn."""
 
 
 class BadMessageError(ValueError):
@@ -53,6 +70,46 @@ def read_lease(text: str) -> EstopLease:
             raise BadMessageError("not a lease")
 
 
+def read_drawn(text: str) -> int:
+    """Return the number of the picture that a page has drawn.
+
+    Raises:
+        BadMessageError: it is not one.
+    """
+    match fields := _fields(text):
+        case {"drawn": int(number)} if len(fields) == 1 and not isinstance(number, bool):
+            return number
+        case _:
+            raise BadMessageError("not the number of a picture")
+
+
+def read_wanted(text: str) -> Wanted | None:
+    """Return the command of a page that drives; None: the person asks for a reset of the e-stop.
+
+    Raises:
+        BadMessageError: it is not one.
+    """
+    match fields := _fields(text):
+        case {"reset": True} if len(fields) == 1:
+            return None
+        case {
+            "linear": int() | float() as linear,
+            "angular": int() | float() as angular,
+            "time_s": int() | float() as time_s,
+            "picture": int(picture),
+        } if len(fields) == 4 and not any(isinstance(one, bool) for one in fields.values()):
+            if abs(linear) <= 1.0 and abs(angular) <= 1.0 and abs(time_s) < MAX_TIME_S:
+                return Wanted(float(linear), float(angular), float(time_s), picture)
+        case _:
+            pass
+    raise BadMessageError("not a command")
+
+
+def told(sentence: str) -> str:
+    """Return what a page that drives, or wants to, is told; an empty text: its commands are sent on."""
+    return json.dumps({"kind": "told", "sentence": sentence})
+
+
 def _fields(text: str) -> dict[str, object]:
     try:
         document = foreign.from_json(text)
@@ -67,9 +124,9 @@ def _number(digits: str) -> int:
     return int(digits)
 
 
-def welcome(station: str, token: str) -> str:
-    """Return the answer to a page that is paired: its station, and the token with which it may connect again."""
-    return json.dumps({"kind": "welcome", "station": station, "token": token})
+def welcome(station: str, token: str, *, may_drive: bool) -> str:
+    """Return the answer to a page that is paired: its station, the token with which it may connect again, and whether it may drive."""
+    return json.dumps({"kind": "welcome", "station": station, "token": token, "may_drive": may_drive})
 
 
 def lease(message: EstopLease) -> str:

@@ -6,7 +6,7 @@ The run of a page ends with its websocket, after `SILENCE_S` without a message, 
 import asyncio
 import logging
 import secrets
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from importlib.resources import files
 
@@ -17,20 +17,34 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from station import messages
+from station import gallery, messages
 from station.admission import RESPONSE_HEADERS, Address
+from station.driving import Driving, Pictures
+from station.gallery import Painter
 from station.messages import BadMessageError
 from station.pairing import Pairing, Session
-from station.relay import Relay, Run
+from station.relay import MAX_PAGES, Relay, Run
 from station.visitors import Visitor
 
 _log = logging.getLogger(__name__)
 
-FILES = {"index.html": "html", "station.js": "javascript", "lease.js": "javascript", "style.css": "css"}
+FILES = {
+    "index.html": "html",
+    "station.js": "javascript",
+    "lease.js": "javascript",
+    "drive.js": "javascript",
+    "wish.js": "javascript",
+    "picture.js": "javascript",
+    "style.css": "css",
+}
 SILENCE_S = 1.0
 """The lease has ended long before; then the connection ends, too, so that the page can connect again."""
 MAX_MESSAGES_PER_S = 100
-"""A page sends about 20 a second: the answers to the challenges."""
+"""A page sends about 20 a second: the answers to the challenges; or, if it drives, one command for each frame that it draws, at most 60."""
+COMMAND_LIMIT_S = 0.5
+"""A page that drives and is silent for longer loses the wheel; the robot has stopped long before."""
+MAX_REASON = 120
+"""Characters of the reason for which a websocket is closed."""
 
 
 class ClosingError(Exception):
@@ -45,6 +59,8 @@ NOT_PAIRED = ClosingError(4401, "Not paired: open the address with a new code, w
 BAD_MESSAGE = ClosingError(4400, "The page's messages were refused.")
 SILENT = ClosingError(4408, "The page was silent.")
 REPLACED = ClosingError(4409, "The page has a newer connection.")
+NO_DRIVING = ClosingError(4405, "This station does not drive: start it with --drive.")
+NO_PICTURE = ClosingError(4404, "This station shows no pictures.")
 TOO_MANY_PAGES = ClosingError(4429, "Too many pages of this station are open: close one.")
 
 
@@ -68,15 +84,19 @@ class Socket:
                 while self._waiting:
                     await self._websocket.send_text(self._waiting.pop(next(iter(self._waiting))))
 
-    async def read(self) -> str:
+    async def send(self, text: str) -> None:
+        """Send a message, and wait until it fits into the connection's buffer."""
+        await self._websocket.send_text(text)
+
+    async def read(self, limit_s: float = SILENCE_S) -> str:
         """Return the next message.
 
         Raises:
             WebSocketDisconnect: the connection has ended.
-            ClosingError: none arrives within `SILENCE_S`, or it is not text.
+            ClosingError: none arrives within the limit, or it is not text.
         """
         try:
-            async with asyncio.timeout(SILENCE_S):
+            async with asyncio.timeout(limit_s):
                 message = await self._websocket.receive()
         except TimeoutError as error:
             raise SILENT from error
@@ -96,15 +116,31 @@ class Application:
         relay: carries the leases.
         pairing: decides who may hold one.
         say: called with a sentence about each page that comes or goes.
+        painter: makes pictures of the robot; None: the pages show none.
+        driving: gives the wheel to a page; None: the pages do not drive.
     """
 
     def __init__(
-        self, name: str, address: Address, relay: Relay, pairing: Pairing, say: Callable[[str], None]
+        self,
+        name: str,
+        address: Address,
+        relay: Relay,
+        pairing: Pairing,
+        say: Callable[[str], None],
+        painter: Painter | None = None,
+        driving: Driving | None = None,
     ) -> None:
         self._name, self._address, self._relay, self._pairing, self._say = name, address, relay, pairing, say
+        self._painter, self._driving = painter, driving
         self._runs: dict[Session, Run] = {}
-        routes = [_route(file, kind) for file, kind in FILES.items()]
-        self._inner = Starlette(routes=[*routes, WebSocketRoute("/lease", self._on_websocket)])
+        self._pictures: dict[Session, Pictures] = {}
+        """Of the pages that watch."""
+        sockets = [
+            WebSocketRoute("/lease", self._on_lease),
+            WebSocketRoute("/picture", self._on_picture),
+            WebSocketRoute("/drive", self._on_drive),
+        ]
+        self._inner = Starlette(routes=[*(_route(file, kind) for file, kind in FILES.items()), *sockets])
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve a request of the page itself, and refuse all others."""
@@ -124,10 +160,21 @@ class Application:
             refused = PlainTextResponse("This server has another name.\n", 403)
             await refused(scope, receive, send_with_headers)
 
-    async def _on_websocket(self, websocket: WebSocket) -> None:
+    async def _on_lease(self, websocket: WebSocket) -> None:
+        await self._on_websocket(websocket, self._serve)
+
+    async def _on_picture(self, websocket: WebSocket) -> None:
+        await self._on_websocket(websocket, self._show)
+
+    async def _on_drive(self, websocket: WebSocket) -> None:
+        await self._on_websocket(websocket, self._drive)
+
+    async def _on_websocket(
+        self, websocket: WebSocket, serve: Callable[[Socket, Visitor], Awaitable[None]]
+    ) -> None:
         try:
             await websocket.accept()
-            await self._serve(Socket(websocket), websocket.state.visitor)
+            await serve(Socket(websocket), websocket.state.visitor)
         except WebSocketDisconnect:
             return
         except (ClosingError, BadMessageError) as error:
@@ -145,7 +192,9 @@ class Application:
             self._relay.leave(before)
         if self._relay.is_full:
             raise TOO_MANY_PAGES
-        socket.show("welcome", messages.welcome(self._name, session.token))
+        socket.show(
+            "welcome", messages.welcome(self._name, session.token, may_drive=self._driving is not None)
+        )
         run = self._runs[session] = self._relay.enter(socket)
         visitor.stay()
         self._say(f"{self._name}: a page is connected")
@@ -159,6 +208,69 @@ class Application:
             if self._runs.get(session) is run:
                 del self._runs[session]
             self._say(f"{self._name}: the connection to a page has ended")
+
+    async def _show(self, socket: Socket, visitor: Visitor) -> None:
+        """Show pictures to a page that holds its lease now, until the connection ends, or the server ends it with an error."""
+        session = await self._session(socket)
+        if self._painter is None:
+            raise NO_PICTURE
+        if len(self._pictures) >= MAX_PAGES or session in self._pictures:
+            raise TOO_MANY_PAGES
+        visitor.stay()
+        pictures = self._pictures[session] = Pictures()
+        try:
+            await gallery.show(socket, self._painter, pictures, lambda: session in self._runs)
+        finally:
+            del self._pictures[session]
+            visitor.leave(asyncio.get_running_loop().time())
+
+    async def _drive(self, socket: Socket, visitor: Visitor) -> None:
+        """Let a page drive that holds its lease now, until the connection ends, or the server ends it with an error."""
+        session = await self._session(socket)
+        if self._driving is None:
+            raise NO_DRIVING
+        loop = asyncio.get_running_loop()
+        writing = resetting = None
+        visitor.stay()
+        try:
+            if problem := await self._driving.take(socket):
+                raise ClosingError(4423, problem[:MAX_REASON])
+            commands, told = self._driving.commands(), ""
+            socket.show("told", messages.told(""))
+            writing = asyncio.ensure_future(socket.write())
+            since_s, count = loop.time(), 0
+            while session in self._runs:
+                wanted = messages.read_wanted(await socket.read(COMMAND_LIMIT_S))
+                if wanted is None:
+                    resetting = asyncio.ensure_future(self._reset(socket))
+                elif (problem := commands.hear(wanted, self._pictures.get(session), loop.time())) != told:
+                    told = problem
+                    socket.show("told", messages.told(problem))
+                since_s, count = (since_s, count + 1) if loop.time() - since_s < 1.0 else (loop.time(), 1)
+                if count > MAX_MESSAGES_PER_S:
+                    raise BAD_MESSAGE
+        finally:
+            self._driving.release(socket)
+            visitor.leave(loop.time())
+            for task in (writing, resetting):
+                if task is not None:
+                    task.cancel()
+
+    async def _reset(self, socket: Socket) -> None:
+        assert self._driving is not None
+        socket.show("told", messages.told(await self._driving.reset()))
+
+    async def _session(self, socket: Socket) -> Session:
+        """Return the session of a page that holds its lease now.
+
+        Raises:
+            ClosingError: the page has none.
+        """
+        _, token = messages.read_hello(await socket.read())
+        session = self._pairing.resume(token, asyncio.get_running_loop().time())
+        if session is None or session not in self._runs:
+            raise NOT_PAIRED
+        return session
 
     def _admit(self, code: str, token: str) -> Session:
         now_s = asyncio.get_running_loop().time()

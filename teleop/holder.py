@@ -96,9 +96,13 @@ class Holder:
             if self.holds:
                 await asyncio.sleep(SENDING_S)
         finally:
-            for token in self._tokens:
-                token.withdraw()
-            self._tokens.clear()
+            self.drop()
+
+    def drop(self) -> None:
+        """Withdraw the token at once: a robot that drives stops because its source is lost."""
+        for token in self._tokens:
+            token.withdraw()
+        self._tokens.clear()
 
     async def _until_nobody_else(self) -> None:
         clock = asyncio.get_running_loop().time

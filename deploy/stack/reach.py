@@ -7,7 +7,7 @@ import asyncio
 import re
 import sys
 import time
-from collections.abc import AsyncGenerator, Awaitable, Callable, Iterable
+from collections.abc import AsyncGenerator, Awaitable, Callable, Collection, Iterable
 from contextlib import asynccontextmanager
 from typing import NoReturn
 
@@ -83,16 +83,30 @@ def check_may_stop(config: BusConfig) -> None:
     Raises:
         DeployError: the role may not stop, or the bundle is refused.
     """
+    issue = f"`lifeline keys issue NAME --role estop --robot {config.namespace}`"
+    _check_role(config, STOPPERS, f"stop: use one of {issue}")
+
+
+def check_may_drive(config: BusConfig) -> None:
+    """Refuse a certificate whose role may not drive a robot.
+
+    Raises:
+        DeployError: the role may not drive, or the bundle is refused.
+    """
+    issue = f"`lifeline keys issue NAME --role operator --robot {config.namespace}`"
+    _check_role(config, (Role.OPERATOR,), f"drive: use one of {issue}")
+
+
+def _check_role(config: BusConfig, roles: Collection[Role], what: str) -> None:
     if config.keys is None or not tls.is_secure(config.endpoint):
         return
     try:
         bundle = choose_bundle(config.keys, time.time(), part=config.part)
     except BundleError as error:
         raise DeployError(str(error)) from error
-    if bundle.role not in STOPPERS:
+    if bundle.role not in roles:
         raise DeployError(
-            f"the certificate of {bundle.name} has the role {bundle.role}, which may not stop: use one of "
-            f"`lifeline keys issue NAME --role estop --robot {config.namespace}`"
+            f"the certificate of {bundle.name} has the role {bundle.role}, which may not {what}"
         )
 
 

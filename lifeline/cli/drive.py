@@ -169,11 +169,18 @@ def station(
     port: Port = PORT,
     is_open: Open = False,
     yes: Yes = False,
+    drive: Annotated[
+        bool,
+        typer.Option(
+            "--drive",
+            help="Let one page drive the robot, as the command source of teleop, which must not run.",
+        ),
+    ] = False,
     new_code: Annotated[
         bool, typer.Option("--new-code", help="Only print a new code of the page of `lifeline up --station`.")
     ] = False,
 ) -> None:
-    """Make the browser of a phone an e-stop station: serve a page with one button, until Ctrl-C. It cannot drive.
+    """Make the browser of a phone an e-stop station: serve a page with one button, until Ctrl-C. It shows the robot, and drives it only with --drive.
 
     The page opens with a code that counts once, within a minute. The robot stops if the page of a required station closes, hides or hangs.
     """
@@ -185,7 +192,7 @@ def station(
 
         print_code(new_station_address(robot.state))
         return
-    run(robot.launch, name, port, is_open=is_open, may_open=yes)
+    run(robot.launch, name, port, is_open=is_open, may_open=yes, drives=drive)
 
 
 @command(app)

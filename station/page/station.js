@@ -1,8 +1,10 @@
-// The page of an e-stop station: one button, and whether the robot hears it. It cannot drive.
+// The page of an e-stop station: one button, and whether the robot hears it.
 //
 // The lease is held from this loop: a page that hangs, hides or closes is not heard, and the server sends nothing in its place.
 
 import * as leases from "./lease.js";
+import * as drive from "./drive.js";
+import * as pictures from "./picture.js";
 
 const TURN_S = 0.05;
 const RETRY_S = 0.5;
@@ -56,6 +58,8 @@ function onMessage(message) {
   } else if (message.kind === "welcome") {
     ({ station, token } = message);
     isWelcome = true;
+    pictures.begin(token);
+    drive.offer(message.may_drive ? token : "");
     change(lease);
   } else {
     challenge = message;
@@ -81,6 +85,8 @@ async function answer() {
 
 function disconnected(why, number = 0) {
   socket = null;
+  pictures.end();
+  drive.offer("");
   isWelcome = false;
   challenge = null;
   lease = leases.disconnected(lease);
@@ -112,6 +118,7 @@ function change(next) {
 
 function press(event) {
   event.preventDefault();
+  drive.letGo("The e-stop was pressed.");
   letGo();
   uncovered(); // touches reach the page
   change(leases.pressed(lease, now_s()));
@@ -121,7 +128,7 @@ element("stop").addEventListener("pointerdown", press);
 element("stop").addEventListener("click", press); // of assistive technology, which sends no other event
 addEventListener("keydown", (event) => {
   if (event.repeat || event.target === release || event.ctrlKey || event.altKey || event.metaKey) return;
-  if (!NO_STOP_KEYS.test(event.key)) press(event);
+  if (!NO_STOP_KEYS.test(event.key) && !drive.takes(event)) press(event);
 });
 addEventListener("contextmenu", (event) => event.preventDefault()); // of a long touch
 

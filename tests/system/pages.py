@@ -29,11 +29,11 @@ CHALLENGES = count(1)
 class Server(Operator):
     """`lifeline station --name phone` at a free port."""
 
-    def __init__(self, endpoint: str) -> None:
+    def __init__(self, endpoint: str, config: Path, *more: str) -> None:
         self.port = free_endpoint().rpartition(":")[2]
         self.origin = f"http://127.0.0.1:{self.port}"
-        options = ("--name", "phone", "--port", self.port, "--endpoint", endpoint)
-        super().__init__(LIFELINE, "station", *options)
+        options = ("--name", "phone", "--port", self.port, "--endpoint", endpoint, "--config", str(config))
+        super().__init__(LIFELINE, "station", *options, *more)
 
     async def address(self, number: int = 1) -> str:
         """Return the page's address with the code that was printed as the first, second, …."""
@@ -73,11 +73,11 @@ class Server(Operator):
                 return
         raise AssertionError("no page is heard")
 
-    def socket(self, origin: str | None = "", host: str = "127.0.0.1") -> connect:
-        """Open the page's websocket, with an origin (by default, its own), as if this computer was named `host`."""
+    def socket(self, origin: str | None = "", host: str = "127.0.0.1", path: str = "lease") -> connect:
+        """Open one of the page's websockets, with an origin (by default, its own), as if this computer was named `host`."""
         given = origin if origin != "" else self.origin
         return connect(
-            f"ws://{host}:{self.port}/lease",
+            f"ws://{host}:{self.port}/{path}",
             origin=None if given is None else Origin(given),
             host="127.0.0.1",
             port=int(self.port),
@@ -126,11 +126,13 @@ class Page:
 
 
 @asynccontextmanager
-async def served(tmp_path: Path, *nodes: str, teleop: bool = False) -> AsyncGenerator[tuple[Robot, Server]]:
+async def served(
+    tmp_path: Path, *nodes: str, teleop: bool = False, drives: bool = False
+) -> AsyncGenerator[tuple[Robot, Server]]:
     """A robot with the required station `phone`, by default only its supervisor, and the server of its page."""
     config = config_with(tmp_path, phone=True)
     async with robot(tmp_path, *(nodes or (topics.SUPERVISOR,)), teleop=teleop, config=config) as subject:
-        server = Server(subject.endpoint)
+        server = Server(subject.endpoint, config, *(["--drive"] if drives else []))
         try:
             await server.address()
             yield subject, server

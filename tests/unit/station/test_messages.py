@@ -87,7 +87,8 @@ def test_no_text_causes_another_error(text: str) -> None:
 def test_the_supervisors_numbers_reach_the_page_as_texts() -> None:
     message = json.loads(lease(EstopLease(MAX_NUMBER, 7, stop=True)))
     assert message == {"kind": "lease", "challenge": str(MAX_NUMBER), "response": "7", "stop": True}
-    assert json.loads(welcome("door", "t")) == {"kind": "welcome", "station": "door", "token": "t"}
+    fields = {"kind": "welcome", "station": "door", "token": "t", "may_drive": True}
+    assert json.loads(welcome("door", "t", may_drive=True)) == fields
 
 
 def test_the_page_is_told_why_it_is_not_heard() -> None:

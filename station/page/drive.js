@@ -1,0 +1,159 @@
+// Drives the robot from this page while something is held. Every change goes out in its own event, and the heartbeat comes from
+// the drawing of frames: a page that is hidden or hangs sends nothing, and the robot stops.
+
+import * as pictures from "./picture.js";
+import * as wishes from "./wish.js";
+
+const BEAT_S = 0.03;
+const STALLED_BYTES = 2000; // of commands that the browser could not send yet
+
+const element = (id) => document.getElementById(id);
+const now_s = () => performance.now() / 1000;
+
+let token = ""; // empty: this page may not drive now
+let socket = null;
+let isTaken = false; // whether the server lets this page drive
+let wish = wishes.NOTHING;
+let sent_s = -Infinity;
+
+// Called with the token of the session when the page is connected, and with an empty one when it is not.
+export function offer(ofSession) {
+  token = ofSession;
+  if (token === "") end("");
+  render();
+}
+
+// Whether a key drives, and therefore does not stop.
+export const takes = (event) => socket !== null && wishes.isDriveKey(event.code);
+
+// Forgets everything that is held: it must be pressed again.
+export function letGo(why) {
+  if (wish === wishes.NOTHING) return;
+  change(wishes.NOTHING);
+  tell(why);
+}
+
+function begin() {
+  if (token === "" || socket !== null) return;
+  const own = (socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/drive`));
+  own.onopen = () => own.send(JSON.stringify({ token }));
+  own.onmessage = (event) => {
+    if (own !== socket) return;
+    isTaken = true;
+    const { sentence } = JSON.parse(event.data);
+    tell(sentence);
+    if (sentence !== "") change(wishes.NOTHING);
+  };
+  own.onclose = (event) => own === socket && end(event.reason || "The connection has ended.");
+  tell("");
+  render();
+  requestAnimationFrame(beat);
+}
+
+function end(why) {
+  const own = socket;
+  socket = null;
+  isTaken = false;
+  wish = wishes.NOTHING;
+  own?.close();
+  if (own !== null) tell(why);
+  render();
+}
+
+function beat() {
+  if (socket === null) return;
+  requestAnimationFrame(beat);
+  const pad = navigator.getGamepads?.().find((one) => one?.connected) ?? null;
+  const buttons = pad?.buttons.map((one) => one.pressed);
+  const next = wishes.padRead(wish, pad === null ? null : { buttons, axes: pad.axes });
+  if (next !== wish) change(next);
+  else if (now_s() - sent_s >= BEAT_S) send();
+}
+
+function change(next) {
+  wish = next;
+  send();
+  render();
+}
+
+function send() {
+  if (!isTaken || socket.readyState !== WebSocket.OPEN) return;
+  if (socket.bufferedAmount > STALLED_BYTES) return end("The link is stalled.");
+  sent_s = now_s();
+  const [linear, angular] = wishes.wanted(wish, Number(element("speed").value));
+  socket.send(JSON.stringify({ linear, angular, time_s: sent_s, picture: pictures.drawn() }));
+}
+
+// --- the hands
+
+function placeOf(event) {
+  const box = element("stick").getBoundingClientRect();
+  const half = Math.min(box.width, box.height) / 2;
+  return [(event.clientX - box.x - box.width / 2) / half, -(event.clientY - box.y - box.height / 2) / half];
+}
+
+element("enable").addEventListener("pointerdown", (event) => {
+  event.preventDefault();
+  if (wish.enable !== null) return letGo("Another finger touched: let go, and press again.");
+  element("enable").setPointerCapture(event.pointerId);
+  change(wishes.enabled(wish, event.pointerId));
+});
+
+element("stick").addEventListener("pointerdown", (event) => {
+  event.preventDefault();
+  if (event.button !== 0) return;
+  if (wish.stick !== null) return letGo("Another finger touched: let go, and press again.");
+  element("stick").setPointerCapture(event.pointerId);
+  change(wishes.pulled(wish, event.pointerId, ...placeOf(event), event.pointerType !== "mouse"));
+});
+
+addEventListener("pointermove", (event) => {
+  if (wish.stick?.pointer === event.pointerId) change(wishes.moved(wish, event.pointerId, ...placeOf(event)));
+});
+
+for (const type of ["pointerup", "pointercancel", "lostpointercapture"]) {
+  addEventListener(type, (event) => {
+    const next = wishes.lifted(wish, event.pointerId);
+    if (next.enable !== wish.enable || next.stick !== wish.stick) change(next);
+  });
+}
+
+addEventListener("keydown", (event) => {
+  if (!takes(event) || event.ctrlKey || event.altKey || event.metaKey) return;
+  event.preventDefault();
+  if (!event.repeat) change(wishes.keyHeld(wish, event.code));
+});
+addEventListener("keyup", (event) => {
+  if (wish.keys.includes(event.code)) change(wishes.keyLifted(wish, event.code));
+});
+
+addEventListener("blur", () => letGo("Something else has the focus: press again."));
+document.addEventListener("visibilitychange", () => letGo("The page was hidden."));
+addEventListener("pagehide", () => end(""));
+addEventListener("gamepaddisconnected", () => letGo("The gamepad was lost."));
+
+element("drive-begin").addEventListener("click", begin);
+element("reset").addEventListener("click", () => {
+  letGo("");
+  if (isTaken && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ reset: true }));
+});
+element("drive-end").addEventListener("click", () => {
+  letGo("");
+  end("");
+});
+
+// --- what it shows
+
+function tell(sentence) {
+  if (element("drive-told").textContent !== sentence) element("drive-told").textContent = sentence;
+}
+
+function render() {
+  element("drive-begin").hidden = token === "" || socket !== null;
+  element("drive").hidden = socket === null;
+  document.body.dataset.driving = socket !== null;
+  element("enable").dataset.held = wish.enable !== null;
+  const pull = wish.stick ?? { x: 0, y: 0 };
+  const length = Math.max(1, Math.hypot(pull.x, pull.y));
+  element("knob").style.translate = `${(100 * pull.x) / length}% ${(-100 * pull.y) / length}%`;
+}

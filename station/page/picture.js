@@ -1,0 +1,205 @@
+// The robot from above, and its velocities of the last 20 s. It shows; nothing here stops or drives the robot.
+//
+// The server sends the next picture when this one is drawn. Places are in the base frame, in centimetres: x ahead, y to the left.
+
+const CHART_S = 20;
+const NEAR_CM = 250; // seen around the hull
+const LATE_S = 1; // a picture that is older is hidden
+const NAMES = ["requested", "permitted", "measured"];
+const INKS = {
+  light: { ground: "#f4f4f4", free: "#cfe6d8", line: "#101010", far: "#303030", hidden: "#8a3fc0", ghost: "#0a52c8" },
+  dark: { ground: "#16191d", free: "#1f3a2b", line: "#f4f4f4", far: "#c8ced6", hidden: "#c58bea", ghost: "#6ea8ff" },
+};
+const WARNING = "#d98200";
+const STOP = "#e0301e";
+
+const element = (id) => document.getElementById(id);
+const canvas = element("map");
+const dark = matchMedia("(prefers-color-scheme: dark)");
+
+let socket = null;
+let robot = null;
+let shown_s = -Infinity;
+let number = 0; // of the newest picture that was submitted for drawing
+let chart = []; // [time, requested, permitted, measured] of the straight velocity
+
+export const drawn = () => number;
+
+export function begin(token) {
+  end();
+  const own = (socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/picture`));
+  own.onopen = () => own.send(JSON.stringify({ token }));
+  own.onmessage = (event) => own === socket && onMessage(JSON.parse(event.data));
+  own.onclose = () => own === socket && end();
+}
+
+export function end() {
+  const own = socket;
+  socket = null;
+  robot = null;
+  chart = [];
+  number = 0;
+  show(false);
+  own?.close();
+}
+
+function onMessage(message) {
+  if (message.kind === "robot") {
+    robot = message;
+    return;
+  }
+  const own = socket;
+  requestAnimationFrame(() => {
+    if (own !== socket) return;
+    shown_s = performance.now() / 1000;
+    show(true);
+    draw(message);
+    tell(message);
+    number = message.number;
+    own.send(JSON.stringify({ drawn: message.number }));
+  });
+}
+
+function show(isShown) {
+  element("picture").hidden = !isShown;
+  document.body.dataset.picture = isShown;
+}
+
+setInterval(() => {
+  if (performance.now() / 1000 - shown_s > LATE_S) show(false);
+}, 200);
+
+// --- drawing
+
+function draw(picture) {
+  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  if (width < 20 || height < 20) return;
+  const dots = devicePixelRatio;
+  if (canvas.width !== Math.round(width * dots) || canvas.height !== Math.round(height * dots)) {
+    canvas.width = Math.round(width * dots);
+    canvas.height = Math.round(height * dots);
+  }
+  const ink = dark.matches ? INKS.dark : INKS.light;
+  const pen = canvas.getContext("2d");
+  const chart_px = Math.min(70, height * 0.2);
+  const scale = Math.min(width, height - chart_px) / 2 / (reach_cm(robot.warning) + NEAR_CM);
+  pen.setTransform(dots, 0, 0, dots, 0, 0);
+  pen.fillStyle = ink.ground;
+  pen.fillRect(0, 0, width, height);
+  // Ahead is up.
+  pen.setTransform(0, -dots * scale, -dots * scale, 0, (dots * width) / 2, (dots * (height - chart_px)) / 2);
+  for (const scan of picture.scans) fill(pen, scan.free, ink.free);
+  line(pen, robot.warning, WARNING, 1 / scale, [4 / scale, 4 / scale]);
+  line(pen, robot.stop, STOP, 1.5 / scale);
+  for (const scan of picture.scans) {
+    points(pen, scan.hidden, () => ink.hidden, 1.5 / scale);
+    points(pen, scan.points, (place) => [ink.far, WARNING, STOP, STOP][scan.classes[place]], 1.8 / scale);
+  }
+  const [x, y, yaw] = picture.ghost ?? [0, 0, 0];
+  if (Math.hypot(x, y) > 1 || Math.abs(yaw) > 0.02) {
+    pen.save();
+    pen.translate(x, y);
+    pen.rotate(yaw);
+    line(pen, robot.outline, ink.ghost, 2.5 / scale, [6 / scale, 3 / scale]);
+    pen.restore();
+  }
+  line(pen, robot.outline, ink.line, 2 / scale);
+  line(pen, robot.heading, ink.line, 2 / scale);
+  pen.setTransform(dots, 0, 0, dots, 0, 0);
+  metre(pen, 12, height - chart_px - 12, 100 * scale, ink.line);
+  drawChart(pen, picture.velocity, 0, height - chart_px, width, chart_px, ink);
+}
+
+function reach_cm(places) {
+  return Math.max(...places.map(Math.abs));
+}
+
+function trace(pen, places) {
+  pen.beginPath();
+  for (let place = 0; place < places.length; place += 2) pen.lineTo(places[place], places[place + 1]);
+}
+
+function fill(pen, places, colour) {
+  trace(pen, places);
+  pen.fillStyle = colour;
+  pen.fill();
+}
+
+function line(pen, places, colour, width, dashes = []) {
+  trace(pen, places);
+  pen.strokeStyle = colour;
+  pen.lineWidth = width;
+  pen.setLineDash(dashes);
+  pen.stroke();
+  pen.setLineDash([]);
+}
+
+function points(pen, places, colourOf, radius) {
+  for (let place = 0; place < places.length; place += 2) {
+    pen.fillStyle = colourOf(place / 2);
+    pen.fillRect(places[place] - radius, places[place + 1] - radius, 2 * radius, 2 * radius);
+  }
+}
+
+function metre(pen, x, y, length, colour) {
+  pen.strokeStyle = pen.fillStyle = colour;
+  pen.lineWidth = 2;
+  pen.beginPath();
+  pen.moveTo(x, y);
+  pen.lineTo(x + length, y);
+  pen.stroke();
+  pen.font = "12px system-ui, sans-serif";
+  pen.fillText("1 m", x, y - 5);
+}
+
+function drawChart(pen, velocity, left, top, width, height, ink) {
+  const now_s = performance.now() / 1000;
+  chart.push([now_s, ...NAMES.map((name) => velocity[name][0] ?? NaN)]);
+  while (now_s - chart[0][0] > CHART_S) chart.shift();
+  const middle = top + height / 2;
+  const up = (height / 2 - 6) / robot.most[0];
+  pen.strokeStyle = ink.line;
+  pen.lineWidth = 0.5;
+  pen.strokeRect(left, middle, width, 0);
+  const inks = [ink.far, ink.ghost, WARNING];
+  NAMES.forEach((name, number) => {
+    pen.beginPath();
+    for (const row of chart) {
+      pen.lineTo(left + width * (1 - (now_s - row[0]) / CHART_S), middle - up * row[number + 1]);
+    }
+    pen.strokeStyle = pen.fillStyle = inks[number];
+    pen.lineWidth = [1, 3, 1.5][number];
+    pen.stroke();
+    pen.font = "12px system-ui, sans-serif";
+    pen.fillText(name, left + 8 + 84 * number, top + 11);
+  });
+}
+
+// --- the same in words
+
+function tell(picture) {
+  const { mode, why, step, owner, nearest, velocity, stop, age_s, round_trip_s, events } = picture;
+  const metres = (cm) => `${(cm / 100).toFixed(2)} m`;
+  const speed = velocity.measured[0] ?? 0;
+  const ghost_cm = Math.hypot(...(picture.ghost ?? [0, 0]).slice(0, 2));
+  const rows = [
+    [mode, owner && `driven by ${owner}`, why, step && `→ ${step}`],
+    [`${speed.toFixed(2)} m/s`, nearest && `nearest ${nearest}`],
+    [
+      ghost_cm > 1 && `if the link dies now: ${metres(ghost_cm)} (dashed)`,
+      stop && `last stop ${metres(stop[0])}, ghost ${metres(stop[1])}`,
+    ],
+    [
+      `limit ${robot.most[0]} m/s`,
+      age_s === null ? "no scan" : `scan ${Math.round(1000 * age_s)} ms old`,
+      `round trip ${Math.round(1000 * round_trip_s)} ms`,
+    ],
+  ];
+  write("facts", rows.map((row) => row.filter(Boolean).join(" · ")));
+  write("events", events.map(([ago_s, text]) => `${Math.round(ago_s)} s ago: ${text}`));
+}
+
+function write(id, rows) {
+  const text = rows.join("\n");
+  if (element(id).textContent !== text) element(id).textContent = text;
+}

@@ -1,0 +1,181 @@
+"""A page drives the robot, in a real browser: only while something is held, and only while the person sees the robot."""
+
+import time
+from collections.abc import AsyncGenerator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.system.browser import Browser, Tab, browser, needs_chromium
+from tests.system.harness import PATIENCE_S, Robot, patiently
+from tests.system.pages import Server, served
+from tests.system.test_estop_stations import ESTOP, heard
+from tests.system.test_station_browser import LATE_S, PRESSES
+from wire import topics
+
+pytestmark = [needs_chromium, pytest.mark.timeout(240), pytest.mark.timed]  # Chromium uses the whole machine
+
+SLOW_M_S = 0.1
+
+
+@asynccontextmanager
+async def wheel(tmp_path: Path) -> AsyncGenerator[tuple[Robot, Server, Browser, Tab]]:
+    """A robot in its warehouse, and a page that may drive it and has reset it."""
+    async with (
+        served(tmp_path, topics.SUPERVISOR, topics.SIM, drives=True) as (subject, server),
+        browser(tmp_path / "profile") as chromium,
+    ):
+        tab = await chromium.open(await server.new_address())
+        await tab.waits_for("document.body?.dataset.picture === 'true'")
+        await takes(tab)
+        yield subject, server, chromium, tab
+
+
+async def takes(tab: Tab) -> None:
+    """Press Drive."""
+    await tab.waits_for("!document.getElementById('drive-begin').hidden")
+    await tab.click(*await tab.middle_of("#drive-begin"))
+    await tab.waits_for("document.body.dataset.driving === 'true'")
+
+
+async def key(tab: Tab, code: str, *, down: bool) -> None:
+    kind = "rawKeyDown" if down else "keyUp"
+    await tab.do("Input.dispatchKeyEvent", type=kind, code=code, key=code[-1].lower())
+
+
+async def drives(subject: Robot, tab: Tab, hold: Callable[[], Awaitable[None]]) -> None:
+    """Hold something until the robot drives; on a busy machine, the page is reset and tried again."""
+
+    async def attempt() -> None:
+        await may_drive(subject, tab)
+        await hold()
+        await subject.until(lambda: subject.status.permitted.linear.x > SLOW_M_S, "motion", PATIENCE_S / 4)
+
+    await patiently(attempt)
+
+
+async def may_drive(subject: Robot, tab: Tab) -> None:
+    """Reset the e-stop if it is latched, and wait until the robot stands ready."""
+    await heard(subject, "phone")
+    if {"ESTOP", "ESTOP_STATION_LOST"} & set(subject.status.reasons):
+        await tab.click(*await tab.middle_of("#reset"))
+    await subject.ready(PATIENCE_S / 4)
+
+
+async def stands(subject: Robot) -> None:
+    await subject.until(lambda: subject.status.permitted.linear.x == 0.0, "zero")
+
+
+async def test_a_held_key_drives_and_its_release_stops(tmp_path: Path) -> None:
+    async with wheel(tmp_path) as (subject, _, _, tab):
+        await drives(subject, tab, lambda: key(tab, "KeyW", down=True))
+        assert ESTOP not in subject.status.reasons
+        await key(tab, "KeyW", down=False)
+        await stands(subject)
+        await subject.ready()
+
+
+async def test_the_stick_drives_while_the_mouse_holds_it_and_a_touch_of_the_picture_is_the_estop(
+    tmp_path: Path,
+) -> None:
+    async with wheel(tmp_path) as (subject, _, _, tab):
+
+        async def pull() -> None:
+            x, y = await tab.middle_of("#stick")
+            await tab.mouse("mousePressed", x, y)
+            await tab.mouse("mouseMoved", x, y - 60)
+
+        await drives(subject, tab, pull)
+        await tab.mouse("mouseReleased", 10, 10)
+        await stands(subject)
+        await drives(subject, tab, pull)
+        await tab.mouse("mouseReleased", 10, 10)
+        await tab.click(*await tab.middle_of("#map"))
+        await subject.until(lambda: ESTOP in subject.status.causes, "its press")
+
+
+async def blurred(tab: Tab, _: Browser) -> None:
+    await tab.evaluate("dispatchEvent(new Event('blur'))")
+
+
+async def hidden(_: Tab, chromium: Browser) -> None:
+    await chromium.open("about:blank")
+
+
+async def closed(tab: Tab, _: Browser) -> None:
+    await tab.close()
+
+
+async def killed(_: Tab, chromium: Browser) -> None:
+    chromium.kill()
+
+
+async def hangs(tab: Tab, _: Browser) -> None:
+    await tab.begin("while (true) {}")
+
+
+async def stopped(_: Tab, chromium: Browser) -> None:
+    chromium.stop_part("--type=renderer")
+
+
+@pytest.mark.parametrize("lose", [blurred, hidden, closed, killed, hangs, stopped])
+async def test_a_robot_that_drives_stops_when_the_page_loses_its_driver(
+    tmp_path: Path, lose: Callable[[Tab, Browser], Awaitable[None]]
+) -> None:
+    async with wheel(tmp_path) as (subject, _, chromium, tab):
+        await drives(subject, tab, lambda: key(tab, "KeyW", down=True))
+        await lose(tab, chromium)
+        await stands(subject)
+        await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion again", 1.0)
+
+
+async def test_a_killed_server_stops_the_robot(tmp_path: Path) -> None:
+    async with wheel(tmp_path) as (subject, server, _, tab):
+        await drives(subject, tab, lambda: key(tab, "KeyW", down=True))
+        server.process.kill()
+        await stands(subject)
+        await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion again", 1.0)
+
+
+@pytest.mark.timeout(240 + 2 * PRESSES)
+async def test_from_a_key_to_cmd_vel(tmp_path: Path) -> None:
+    """Forward and back in turn, so that the robot stays where it is."""
+    async with wheel(tmp_path) as (subject, _, _, tab):
+        await drives(subject, tab, lambda: key(tab, "KeyW", down=True))
+        await key(tab, "KeyW", down=False)
+        await stands(subject)
+        down_s, up_s = list[float](), list[float]()
+        for number in range(PRESSES):
+            code = "KeyS" if number % 2 == 0 else "KeyW"
+
+            async def press(code: str = code) -> None:
+                await may_drive(subject, tab)
+                pressed_s = time.monotonic()
+                await key(tab, code, down=True)
+                try:
+                    moves_s = await moves_after(subject, pressed_s)
+                finally:
+                    lifted_s = time.monotonic()
+                    await key(tab, code, down=False)
+                down_s.append(moves_s)
+                up_s.append(await subject.zero_after(lifted_s))
+
+            await patiently(press)
+        for name, times_s in (("down", down_s), ("up", up_s)):
+            times_s.sort()
+            print(
+                f"\n    measured: key {name} in the browser to cmd_vel: median {times_s[len(times_s) // 2] * 1e3:.1f} ms, "
+                f"99 % within {times_s[int(0.99 * len(times_s))] * 1e3:.1f} ms, n = {len(times_s)}"
+            )
+            assert times_s[len(times_s) // 2] < LATE_S
+
+
+async def moves_after(subject: Robot, time_s: float) -> float:
+    """Return the time from then to the first motion on cmd_vel [s]."""
+
+    def arrivals_s() -> list[float]:
+        return [at for at, twist in subject.outputs if at >= time_s and twist.linear.x != 0.0]
+
+    await subject.until(lambda: bool(arrivals_s()), "motion on cmd_vel", PATIENCE_S / 4)
+    return arrivals_s()[0] - time_s

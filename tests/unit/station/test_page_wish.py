@@ -1,0 +1,116 @@
+"""What the hands at a page want, in JavaScript: zero unless exactly one thing is held, for any sequence of events."""
+
+import json
+import math
+import random
+import subprocess
+from typing import Any
+
+import pytest
+
+from tests.unit.station.test_page_lease import NODE, PAGE
+
+PROGRAM = """
+import { readFileSync } from "node:fs";
+import * as wishes from "./wish.js";
+const step = (wish, [name, ...parts]) => (name === "forget" ? wishes.NOTHING : wishes[name](wish, ...parts));
+const run = ([events, level]) => {
+  let wish = wishes.NOTHING;
+  return events.map((event) => {
+    wish = step(wish, event);
+    return [wish, wishes.wanted(wish, level)];
+  });
+};
+console.log(JSON.stringify(JSON.parse(readFileSync(0)).map(run)));
+"""
+SEQUENCES, EVENTS = 300, 40
+BUTTONS = [False, False, False, False, True]
+W, S, A, D = (["keyHeld", f"Key{name}"] for name in "WSAD")
+Event = list[Any]
+
+
+def run(*lives: tuple[list[Event], float]) -> list[list[tuple[dict[str, Any], list[float]]]]:
+    """Return the state and the wanted shares after each event of each life."""
+    node = [str(NODE), "--input-type=module", "--eval", PROGRAM]
+    done = subprocess.run(
+        node, cwd=PAGE, input=json.dumps(lives), capture_output=True, text=True, check=True, timeout=60
+    )
+    return json.loads(done.stdout)
+
+
+def wanted(*events: Event, level: float = 5) -> list[float]:
+    return run((list(events), level))[0][-1][1]
+
+
+@pytest.mark.parametrize(
+    ("events", "share"),
+    [
+        ([W], [1, 0]),
+        ([W, A], [1, 1]),
+        ([W, S], [0, 0]),
+        ([S, D], [-1, -1]),
+        ([W, ["keyLifted", "KeyW"]], [0, 0]),
+        ([W, ["keyHeld", "ArrowUp"], ["keyLifted", "KeyW"]], [1, 0]),
+        ([["keyHeld", "KeyQ"]], [0, 0]),
+        ([["pulled", 1, 0, 1, False]], [1, 0]),
+        ([["pulled", 1, -1, 0, False]], [0, 1]),
+        ([["pulled", 1, 0, 9, False]], [1, 0]),
+        ([["pulled", 1, 0.1, 0.1, False]], [0, 0]),
+        ([["pulled", 1, 0, 1, True]], [0, 0]),
+        ([["enabled", 2]], [0, 0]),
+        ([["enabled", 2], ["pulled", 1, 0, 1, True]], [1, 0]),
+        ([["enabled", 1], ["pulled", 1, 0, 1, True]], [0, 0]),
+        ([["enabled", 2], ["pulled", 1, 0, 1, True], ["lifted", 2]], [0, 0]),
+        ([["enabled", 2], ["pulled", 1, 0, 1, True], ["lifted", 1]], [0, 0]),
+        ([["enabled", 2], ["pulled", 1, 0, 1, True], ["lifted", 3]], [1, 0]),
+        ([["pulled", 1, 0, 1, False], ["moved", 1, 0, -1]], [-1, 0]),
+        ([["pulled", 1, 0, 1, False], ["moved", 2, 0, -1]], [1, 0]),
+        ([["pulled", 1, 0, 1, False], W], [0, 0]),
+        ([["padRead", {"buttons": BUTTONS, "axes": [0, -1]}]], [1, 0]),
+        ([["padRead", {"buttons": [False] * 5, "axes": [0, -1]}]], [0, 0]),
+        ([["padRead", {"buttons": BUTTONS, "axes": []}]], [0, 0]),
+        ([["padRead", {"buttons": BUTTONS, "axes": [0, -1]}], ["padRead", None]], [0, 0]),
+        ([["padRead", {"buttons": BUTTONS, "axes": [0, -1]}], ["pulled", 1, 0, 1, False]], [0, 0]),
+        ([W, ["forget"]], [0, 0]),
+    ],
+)
+def test_motion_lasts_while_one_thing_is_held(events: list[Event], share: list[float]) -> None:
+    assert wanted(*events) == share
+
+
+def test_the_speed_level_scales_both_velocities() -> None:
+    assert wanted(W, A, level=2) == pytest.approx([0.4, 0.4])
+    assert wanted(W, level=float(10**9)) == [1, 0]
+
+
+def test_no_sequence_of_events_moves_without_a_hand() -> None:
+    chance = random.Random(1)
+    lives = [([event(chance) for _ in range(EVENTS)], chance.choice([1, 3, 5])) for _ in range(SEQUENCES)]
+    for states in run(*lives):
+        for wish, (linear, angular) in states:
+            assert math.isfinite(linear)
+            assert max(abs(linear), abs(angular)) <= 1.0
+            stick = wish["stick"]
+            has_thumbs = stick is not None and (
+                not stick["isTouch"] or wish["enable"] not in (None, stick["pointer"])
+            )
+            if (linear, angular) != (0, 0):
+                assert has_thumbs + bool(wish["keys"]) + (wish["pad"] is not None) == 1
+
+
+def event(chance: random.Random) -> Event:
+    pointer, place = chance.randrange(1, 4), [round(chance.uniform(-1.5, 1.5), 2) for _ in range(2)]
+    code = chance.choice(["KeyW", "KeyA", "KeyS", "ArrowUp", "KeyX"])
+    pad = chance.choice([None, {"buttons": BUTTONS, "axes": place}, {"buttons": [], "axes": place}])
+    return chance.choice(
+        [
+            ["enabled", pointer],
+            ["pulled", pointer, *place, chance.random() < 0.5],
+            ["moved", pointer, *place],
+            ["lifted", pointer],
+            ["keyHeld", code],
+            ["keyLifted", code],
+            ["padRead", pad],
+            ["forget"],
+        ]
+    )
