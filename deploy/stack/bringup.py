@@ -149,7 +149,8 @@ def new_station_address(state: StateDir) -> str:
     Raises:
         DeployError: it does not run or does not answer.
     """
-    deadline_s = time.monotonic() + ALIVE_LIMIT_S
+    # Where nothing runs, nothing will start it.
+    deadline_s = time.monotonic() + (ALIVE_LIMIT_S if processes.of(state.path) else 0.0)
     health = Health(state)
     before: int | None = None
     while time.monotonic() < deadline_s:

@@ -174,6 +174,7 @@ async def press_estop_in_the_last_step(drive: FirstDrive) -> None:
             return
 
 
+@pytest.mark.long
 @pytest.mark.timeout(600)  # it computes two minutes of driving
 async def test_what_the_first_drive_measures_is_what_the_robot_is(tmp_path: Path) -> None:
     dead_s = 0.12
@@ -236,6 +237,7 @@ async def test_a_wrong_sign_or_a_mirrored_lidar_ends_it_with_what_to_correct(
     assert "measured" not in drive.file.read_text()
 
 
+@pytest.mark.long
 @pytest.mark.timeout(600)
 async def test_a_robot_that_sees_only_ahead_is_measured_with_the_stops_that_fit(tmp_path: Path) -> None:
     """It may not drive back beyond what it has seen, so each step ends nearer to the wall."""

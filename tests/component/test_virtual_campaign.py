@@ -216,7 +216,8 @@ def test_an_interrupt_whose_dead_workers_are_noticed_before_anything_else_prints
 
     monkeypatch.setattr(campaigns, "active_children", lambda: [Worker(child) for child in active_children()])
     monkeypatch.setattr(Future, "result", interrupted)
-    assert campaigns.campaign(20 * campaigns.BATCH, 1, None, print) == 130
+    monkeypatch.setattr(campaigns, "BATCH", 1)
+    assert campaigns.campaign(20, 1, None, print) == 130
     assert not died
 
 

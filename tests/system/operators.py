@@ -429,6 +429,18 @@ async def press_steps(h: Hub, op: Operator, keys: bytes, linear_m_s: float) -> N
     await press(lambda: op.type(b"s" + keys), lambda: h.asks(linear_m_s, 0.0))
 
 
+async def drive_after_estop(h: Hub, op: Operator) -> None:
+    """Confirm an e-stop, and request 0.1 m/s again; teleop sends the e-stop no more, or the test fails."""
+    await until(lambda: h.tell(SafetyStatus.STOPPED, "ESTOP") or op.picture.lstrip().startswith("STOPPED"))
+    await ready(h, op)
+    await press_steps(h, op, b"w", 0.1)
+    h.got_estop()
+    seen = len(h.velocities)
+    await until(lambda: len(h.velocities) >= seen + 5)
+    assert h.asks(0.1, 0.0)
+    assert not h.got_estop()
+
+
 @asynccontextmanager
 async def driving(
     *arguments: str, command: tuple[str, ...] = PATIENT

@@ -14,6 +14,7 @@ import pytest
 from faults.grade import leftovers
 from faults.grade.report import from_json
 from faults.grade.rubric import DEFAULT
+from tests.system.commands import run_here
 from tests.system.ports import free_endpoint
 
 ROOT = Path(__file__).parents[2]
@@ -130,12 +131,11 @@ def test_a_program_that_ends_cannot_be_graded_and_its_last_lines_say_why(tmp_pat
         (["--rubric", "/nowhere.toml"], "cannot read the rubric"),
     ],
 )
-def test_wrong_options_are_refused_in_one_sentence(tmp_path: Path, options: list[str], named: str) -> None:
-    with start(tmp_path, options, ("true",)) as process:
-        output, _ = process.communicate(timeout=LIMIT_S)
-    assert process.returncode == 2
-    assert named in output
-    assert len(output.splitlines()) == 1
+def test_wrong_options_are_refused_in_one_sentence(options: list[str], named: str) -> None:
+    code, output, errors = run_here(["grade", *options, "--", "true"], os.environ)
+    assert (code, output) == (2, "")
+    assert named in errors
+    assert len(errors.splitlines()) == 1
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from deploy.stack import processes, supervisord
-from deploy.stack.bringup import Health, check_nothing_runs
+from deploy.stack import bringup, processes, supervisord
+from deploy.stack.bringup import Health, check_nothing_runs, new_station_address
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.processes import Process
@@ -100,3 +100,14 @@ def test_a_second_start_says_how_to_drive_the_robot_that_runs(
     ) as refused:
         check_nothing_runs(state)
     assert f"stop it with `lifeline down --state-dir {tmp_path}`" in str(refused.value)
+
+
+def test_a_new_code_where_nothing_runs_is_refused_without_waiting(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    waits: list[float] = []
+    monkeypatch.setattr(bringup.time, "sleep", waits.append)
+    monkeypatch.setattr(bringup, "ALIVE_LIMIT_S", 0.1)  # for a version that waits
+    with pytest.raises(DeployError, match=r"no e-stop station runs in .*`lifeline up --station`"):
+        new_station_address(StateDir(tmp_path))
+    assert waits == []
