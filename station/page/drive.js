@@ -28,7 +28,7 @@ export const takes = (event) => socket !== null && wishes.isDriveKey(event.code)
 
 // Forgets everything that is held: it must be pressed again.
 export function letGo(why) {
-  if (wish === wishes.NOTHING) return;
+  if (!wishes.isHeld(wish)) return;
   change(wishes.NOTHING);
   tell(why);
 }
@@ -63,7 +63,7 @@ function end(why) {
 function beat() {
   if (socket === null) return;
   requestAnimationFrame(beat);
-  const pad = navigator.getGamepads?.().find((one) => one?.connected) ?? null;
+  const pad = navigator.getGamepads?.().find((one) => one?.connected && one.mapping === "standard") ?? null;
   const buttons = pad?.buttons.map((one) => one.pressed);
   const next = wishes.padRead(wish, pad === null ? null : { buttons, axes: pad.axes });
   if (next !== wish) change(next);
