@@ -4,6 +4,7 @@
 
 const CHART_S = 20;
 const NEAR_CM = 250; // seen around the hull
+const LEAST_PX = 20;
 const LATE_S = 1; // a picture that is older is hidden
 const NAMES = ["requested", "permitted", "measured"];
 const INKS = {
@@ -20,7 +21,7 @@ const dark = matchMedia("(prefers-color-scheme: dark)");
 let socket = null;
 let robot = null;
 let shown_s = -Infinity;
-let number = 0; // of the newest picture that was submitted for drawing
+let number = 0; // of the newest picture that was submitted for drawing; 0 if none is seen
 let chart = []; // [time, requested, permitted, measured] of the straight velocity
 
 export const drawn = () => number;
@@ -53,9 +54,8 @@ function onMessage(message) {
     if (own !== socket) return;
     shown_s = performance.now() / 1000;
     show(true);
-    draw(message);
     tell(message);
-    number = message.number;
+    number = draw(message) ? message.number : 0;
     own.send(JSON.stringify({ drawn: message.number }));
   });
 }
@@ -71,9 +71,10 @@ setInterval(() => {
 
 // --- drawing
 
+// Returns whether there is enough room for it to be seen.
 function draw(picture) {
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];
-  if (width < 20 || height < 20) return;
+  if (width < LEAST_PX || height < LEAST_PX) return false;
   const dots = devicePixelRatio;
   if (canvas.width !== Math.round(width * dots) || canvas.height !== Math.round(height * dots)) {
     canvas.width = Math.round(width * dots);
@@ -108,6 +109,7 @@ function draw(picture) {
   pen.setTransform(dots, 0, 0, dots, 0, 0);
   metre(pen, 12, height - chart_px - 12, 100 * scale, ink.line);
   drawChart(pen, picture.velocity, 0, height - chart_px, width, chart_px, ink);
+  return true;
 }
 
 function reach_cm(places) {
