@@ -42,8 +42,9 @@ function begin() {
     if (own !== socket) return;
     isTaken = true;
     const { sentence } = JSON.parse(event.data);
+    if (sentence === "") return; // the last one stays until something is held again
+    change(wishes.NOTHING);
     tell(sentence);
-    if (sentence !== "") change(wishes.NOTHING);
   };
   own.onclose = (event) => own === socket && end(event.reason || "The connection has ended.");
   tell("");
@@ -72,6 +73,7 @@ function beat(own) {
 
 // Something is held or released.
 function change(next) {
+  if (!wishes.isHeld(wish) && wishes.isHeld(next)) tell("");
   wish = next;
   send();
   render();
@@ -104,10 +106,21 @@ function placeOf(event) {
   return [(event.clientX - box.x - box.width / 2) / half, -(event.clientY - box.y - box.height / 2) / half];
 }
 
+const FINGER = "Another finger touched: let go, and press again.";
+
+// A further finger anywhere, before what else it does.
+addEventListener(
+  "pointerdown",
+  () => {
+    if (wish.stick !== null && (wish.enable !== null || !wish.stick.isTouch)) letGo(FINGER);
+  },
+  true,
+);
+
 element("enable").addEventListener("pointerdown", (event) => {
   event.preventDefault();
   if (event.button !== 0) return;
-  if (wish.enable !== null) return letGo("Another finger touched: let go, and press again.");
+  if (wish.enable !== null) return letGo(FINGER);
   element("enable").setPointerCapture(event.pointerId);
   change(wishes.enabled(wish, event.pointerId));
 });
@@ -115,7 +128,7 @@ element("enable").addEventListener("pointerdown", (event) => {
 element("stick").addEventListener("pointerdown", (event) => {
   event.preventDefault();
   if (event.button !== 0) return;
-  if (wish.stick !== null) return letGo("Another finger touched: let go, and press again.");
+  if (wish.stick !== null) return letGo(FINGER);
   element("stick").setPointerCapture(event.pointerId);
   change(wishes.pulled(wish, event.pointerId, ...placeOf(event), event.pointerType !== "mouse"));
 });
@@ -152,6 +165,7 @@ addEventListener("gamepaddisconnected", () => letGo("The gamepad was lost."));
 element("drive-begin").addEventListener("click", begin);
 element("reset").addEventListener("click", () => {
   letGo("");
+  tell("");
   if (isTaken && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ reset: true }));
 });
 element("drive-end").addEventListener("click", () => {
@@ -162,7 +176,9 @@ element("drive-end").addEventListener("click", () => {
 // --- what it shows
 
 function tell(sentence) {
-  if (element("drive-told").textContent !== sentence) element("drive-told").textContent = sentence;
+  for (const id of ["drive-told", "drive-ended"]) {
+    if (element(id).textContent !== sentence) element(id).textContent = sentence;
+  }
 }
 
 function render() {

@@ -16,7 +16,7 @@ const frames = [];
 const sent = [];
 let clock_ms = 1000;
 let pads = [];
-const listen = (of) => (type, call) => (of[type] ??= []).push(call);
+const listen = (of) => (type, call, isFirst) => (of[isFirst ? `first ${type}` : type] ??= []).push(call);
 const made = (id) => {
   const own = {};
   const map = { clientWidth: 300, clientHeight: 300, getContext: () => new Proxy({}, { get: () => () => {}, set: () => true }) };
@@ -56,7 +56,7 @@ const steps = {
   },
   told(sentence) { sockets.at(-1).onmessage({ data: JSON.stringify({ kind: "told", sentence }) }); },
   on(id, type, fields) {
-    for (const call of [...(listeners[`capture ${type}`] ?? []), ...(element(id).own[type] ?? []), ...(listeners[type] ?? [])]) {
+    for (const call of [...(listeners[`first ${type}`] ?? []), ...(element(id).own[type] ?? []), ...(listeners[type] ?? [])]) {
       call(event(fields));
     }
   },
@@ -134,7 +134,64 @@ def test_a_hand_that_moves_all_the_time_sends_less_than_the_server_accepts_and_i
     assert newest(*PULLED, ["window", "pointermove", {"clientX": 100, "clientY": 100}]) == 0
 
 
-def test_a_page_whose_driving_was_ended_and_begun_again_has_one_heartbeat() -> None:
-    again = [["closed", "x"], *BEGUN[:2]]
-    sent, _, _ = run(*BEGUN, *again * 5, ["frame", 50], ["frame", 50])
-    assert len(sent) == 3
+def touch(place: str, pointer: int) -> Step:
+    return [
+        "on",
+        place,
+        "pointerdown",
+        {"clientX": 100, "clientY": 0, "pointerId": pointer, "pointerType": "touch"},
+    ]
+
+
+@pytest.mark.parametrize("place", ["enable", "stick", "speed", "body"])
+def test_a_third_finger_anywhere_lets_go_of_everything(place: str) -> None:
+    thumbs = [touch("enable", 1), touch("stick", 2)]
+    assert newest(*thumbs) == 1
+    assert newest(*thumbs, touch(place, 3)) == 0
+    assert newest(*thumbs, touch(place, 3), ["frame", 50]) == 0
+
+
+def test_a_gamepad_without_the_standard_mapping_does_not_drive() -> None:
+    def pad(mapping: str, *, held: bool) -> Step:
+        buttons = [{"pressed": held and number == 4} for number in range(5)]
+        return ["pads", [None, {"connected": True, "mapping": mapping, "buttons": buttons, "axes": [0, -1]}]]
+
+    for mapping, share in (("standard", 1), ("", 0)):
+        assert (
+            newest(pad(mapping, held=False), ["frame", 50], pad(mapping, held=True), ["frame", 50]) == share
+        )
+
+
+def test_a_refusal_lets_go_and_is_shown_until_something_is_held_again() -> None:
+    refused: list[Step] = [*BEGUN, W, ["told", "The picture is 0.4 s old."], ["told", ""], ["frame", 50]]
+    sent, texts, _ = run(*refused)
+    assert sent[-1]["linear"] == 0
+    assert texts["drive-told"] == "The picture is 0.4 s old."
+    _, texts, _ = run(*refused, ["window", "keyup", {"code": "KeyW"}], W)
+    assert texts["drive-told"] == ""
+
+
+def test_a_page_that_may_not_drive_shows_why_beside_its_button() -> None:
+    _, texts, _ = run(["begin"], ["closed", "Another page drives."])
+    assert texts["drive-ended"] == "Another page drives."
+
+
+def picture(number: int) -> Step:
+    velocity = {name: [0, 0] for name in ("requested", "permitted", "measured")}
+    texts = dict.fromkeys(("mode", "why", "step", "owner", "nearest"), "")
+    facts = {"scans": [], "ghost": None, "stop": None, "age_s": 0.1, "round_trip_s": 0.1, "events": []}
+    return ["shown", {"kind": "picture", "number": number, "velocity": velocity, **texts, **facts}]
+
+
+def test_only_a_picture_that_is_large_enough_to_be_seen_counts_as_drawn() -> None:
+    lines = {name: [0, 0, 10, 10] for name in ("outline", "heading", "stop", "warning")}
+    begun: list[Step] = [
+        ["pictures"],
+        ["shown", {"kind": "robot", "most": [1, 1], **lines}],
+        picture(1),
+        ["frame", 50],
+    ]
+    sent, _, drawn = run(*begun)
+    assert (sent[-1], drawn) == ({"drawn": 1}, 1)
+    sent, _, drawn = run(*begun, ["map", 0], picture(2), ["frame", 50])
+    assert (sent[-1], drawn) == ({"drawn": 2}, 0)
