@@ -179,7 +179,14 @@ def test_a_page_that_may_not_drive_shows_why_beside_its_button() -> None:
 def picture(number: int) -> Step:
     velocity = {name: [0, 0] for name in ("requested", "permitted", "measured")}
     texts = dict.fromkeys(("mode", "why", "step", "owner", "nearest"), "")
-    facts = {"scans": [], "ghost": None, "stop": None, "age_s": 0.1, "round_trip_s": 0.1, "events": []}
+    facts: dict[str, Any] = {
+        "scans": [],
+        "ghost": None,
+        "stop": None,
+        "age_s": 0.1,
+        "round_trip_s": 0.1,
+        "events": [],
+    }
     return ["shown", {"kind": "picture", "number": number, "velocity": velocity, **texts, **facts}]
 
 
