@@ -5,6 +5,8 @@
 const CHART_S = 20;
 const NEAR_CM = 250; // seen around the hull
 const LEAST_PX = 20;
+const RETRY_MS = 500;
+const NO_PICTURE = 4404; // this station shows none
 const LATE_S = 1; // a picture that is older is hidden
 const NAMES = ["requested", "permitted", "measured"];
 const INKS = {
@@ -18,6 +20,7 @@ const element = (id) => document.getElementById(id);
 const canvas = element("map");
 const dark = matchMedia("(prefers-color-scheme: dark)");
 
+let token = ""; // of the session; empty: no pictures
 let socket = null;
 let robot = null;
 let shown_s = -Infinity;
@@ -26,15 +29,31 @@ let chart = []; // [time, requested, permitted, measured] of the straight veloci
 
 export const drawn = () => number;
 
-export function begin(token) {
+export function begin(ofSession) {
   end();
-  const own = (socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/picture`));
-  own.onopen = () => own.send(JSON.stringify({ token }));
-  own.onmessage = (event) => own === socket && onMessage(JSON.parse(event.data));
-  own.onclose = () => own === socket && end();
+  token = ofSession;
+  connect();
 }
 
 export function end() {
+  token = "";
+  lose();
+}
+
+function connect() {
+  if (token === "" || socket !== null) return;
+  const own = (socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/picture`));
+  own.onopen = () => own.send(JSON.stringify({ token }));
+  own.onmessage = (event) => own === socket && onMessage(JSON.parse(event.data));
+  own.onclose = (event) => {
+    if (own !== socket) return;
+    lose();
+    // The server may not have noticed yet that the one before has ended.
+    if (event.code !== NO_PICTURE) setTimeout(connect, RETRY_MS);
+  };
+}
+
+function lose() {
   const own = socket;
   socket = null;
   robot = null;

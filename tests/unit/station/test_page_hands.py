@@ -34,6 +34,7 @@ Object.assign(globalThis, {
   matchMedia: () => ({ matches: false }),
   devicePixelRatio: 1,
   setInterval: () => {},
+  setTimeout: (call) => frames.push(call),
   requestAnimationFrame: (call) => frames.push(call),
   WebSocket: class {
     static OPEN = 1;
@@ -69,11 +70,11 @@ const steps = {
   map(size) { Object.assign(element("map"), { clientWidth: size, clientHeight: size }); },
   pictures() { pictures.begin("token"); },
   shown(message) { sockets.at(-1).onmessage({ data: JSON.stringify(message) }); },
-  closed(reason) { sockets.at(-1).onclose({ reason }); },
+  closed(reason, code) { sockets.at(-1).onclose({ reason, code }); },
 };
 for (const [name, ...parts] of JSON.parse(readFileSync(0))) steps[name](...parts);
 const texts = Object.fromEntries(Object.entries(elements).map(([id, one]) => [id, one.textContent]));
-console.log(JSON.stringify([sent, texts, pictures.drawn()]));
+console.log(JSON.stringify([sent, { ...texts, sockets: sockets.map((one) => one.url).join(" ") }, pictures.drawn()]));
 """
 Step = list[Any]
 BEGUN: list[Step] = [["begin"], ["told", ""], ["frame", 50]]
@@ -202,3 +203,9 @@ def test_only_a_picture_that_is_large_enough_to_be_seen_counts_as_drawn() -> Non
     assert (sent[-1], drawn) == ({"drawn": 1}, 1)
     sent, _, drawn = run(*begun, ["map", 0], picture(2), ["frame", 50])
     assert (sent[-1], drawn) == ({"drawn": 2}, 0)
+
+
+@pytest.mark.parametrize(("code", "connections"), [(4429, 2), (1006, 2), (4404, 1)])
+def test_pictures_that_end_begin_again_unless_the_station_shows_none(code: int, connections: int) -> None:
+    _, texts, _ = run(["pictures"], ["closed", "", code], ["frame", 500])
+    assert texts["sockets"].split() == ["ws://x/picture"] * connections
