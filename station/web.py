@@ -40,7 +40,8 @@ FILES = {
 SILENCE_S = 1.0
 """The lease has ended long before; then the connection ends, too, so that the page can connect again."""
 MAX_MESSAGES_PER_S = 100
-"""A page sends about 20 a second: the answers to the challenges; or, if it drives, one command for each frame that it draws, at most 60."""
+"""A page sends about 20 a second: the answers to the challenges; or, if it drives, about 33, and one for each thing
+that is held or released."""
 COMMAND_LIMIT_S = 0.5
 """A page that drives and is silent for longer loses the wheel; the robot has stopped long before."""
 MAX_REASON = 120
@@ -239,8 +240,10 @@ class Application:
             socket.show("told", messages.told(""))
             writing = asyncio.ensure_future(socket.write())
             since_s, count = loop.time(), 0
-            while session in self._runs:
+            while True:
                 wanted = messages.read_wanted(await socket.read(COMMAND_LIMIT_S))
+                if session not in self._runs:  # its lease may have ended while it was read
+                    return
                 if wanted is None:
                     resetting = asyncio.ensure_future(self._reset(socket))
                 elif (problem := commands.hear(wanted, self._pictures.get(session), loop.time())) != told:

@@ -165,10 +165,11 @@ class Picture:
 
     @property
     def scan_s(self) -> float:
-        """When the newest scan arrived, of the lidar whose scan is the oldest; -inf if there is none."""
-        return min(
-            (at_s for path, (at_s, _) in self._shapes.items() if path.endswith("/points")), default=-math.inf
-        )
+        """When the newest scan arrived, of the lidar whose scan is the oldest; -inf if one is missing, or the robot's place."""
+        arrivals_s = [at_s for path, (at_s, _) in self._shapes.items() if path.endswith("/points")]
+        if BASE not in self._frames or len(arrivals_s) < len(self._scene.lidars):
+            return -math.inf
+        return min(arrivals_s, default=-math.inf)
 
     def _texts(self, now_s: float) -> dict[str, object]:
         """Return the mode, its cause and what to do, in words, and who drives."""

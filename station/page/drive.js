@@ -15,6 +15,7 @@ let socket = null;
 let isTaken = false; // whether the server lets this page drive
 let wish = wishes.NOTHING;
 let sent_s = -Infinity;
+let sentZero = true;
 
 // Called with the token of the session when the page is connected, and with an empty one when it is not.
 export function offer(ofSession) {
@@ -28,7 +29,7 @@ export const takes = (event) => socket !== null && wishes.isDriveKey(event.code)
 
 // Forgets everything that is held: it must be pressed again.
 export function letGo(why) {
-  if (wish === wishes.NOTHING) return;
+  if (!wishes.isHeld(wish)) return;
   change(wishes.NOTHING);
   tell(why);
 }
@@ -41,13 +42,14 @@ function begin() {
     if (own !== socket) return;
     isTaken = true;
     const { sentence } = JSON.parse(event.data);
+    if (sentence === "") return; // the last one stays until something is held again
+    change(wishes.NOTHING);
     tell(sentence);
-    if (sentence !== "") change(wishes.NOTHING);
   };
   own.onclose = (event) => own === socket && end(event.reason || "The connection has ended.");
   tell("");
   render();
-  requestAnimationFrame(beat);
+  requestAnimationFrame(() => beat(own));
 }
 
 function end(why) {
@@ -60,27 +62,39 @@ function end(why) {
   render();
 }
 
-function beat() {
-  if (socket === null) return;
-  requestAnimationFrame(beat);
-  const pad = navigator.getGamepads?.().find((one) => one?.connected) ?? null;
+function beat(own) {
+  if (own !== socket) return;
+  requestAnimationFrame(() => beat(own));
+  const pad = navigator.getGamepads?.().find((one) => one?.connected && one.mapping === "standard") ?? null;
   const buttons = pad?.buttons.map((one) => one.pressed);
-  const next = wishes.padRead(wish, pad === null ? null : { buttons, axes: pad.axes });
-  if (next !== wish) change(next);
-  else if (now_s() - sent_s >= BEAT_S) send();
+  follow(wishes.padRead(wish, pad === null ? null : { buttons, axes: pad.axes }));
+  if (now_s() - sent_s >= BEAT_S) send();
 }
 
+// Something is held or released.
 function change(next) {
+  if (!wishes.isHeld(wish) && wishes.isHeld(next)) tell("");
   wish = next;
   send();
   render();
 }
 
+// What is held has moved. Only its zero goes out at once: a hand may move more often than the server accepts.
+function follow(next) {
+  if (next === wish) return;
+  wish = next;
+  if (!sentZero && wanted().every((one) => one === 0)) send();
+  render();
+}
+
+const wanted = () => wishes.wanted(wish, Number(element("speed").value));
+
 function send() {
   if (!isTaken || socket.readyState !== WebSocket.OPEN) return;
   if (socket.bufferedAmount > STALLED_BYTES) return end("The link is stalled.");
   sent_s = now_s();
-  const [linear, angular] = wishes.wanted(wish, Number(element("speed").value));
+  const [linear, angular] = wanted();
+  sentZero = linear === 0 && angular === 0;
   socket.send(JSON.stringify({ linear, angular, time_s: sent_s, picture: pictures.drawn() }));
 }
 
@@ -92,9 +106,21 @@ function placeOf(event) {
   return [(event.clientX - box.x - box.width / 2) / half, -(event.clientY - box.y - box.height / 2) / half];
 }
 
+const FINGER = "Another finger touched: let go, and press again.";
+
+// A further finger anywhere, before what else it does.
+addEventListener(
+  "pointerdown",
+  () => {
+    if (wish.stick !== null && (wish.enable !== null || !wish.stick.isTouch)) letGo(FINGER);
+  },
+  true,
+);
+
 element("enable").addEventListener("pointerdown", (event) => {
   event.preventDefault();
-  if (wish.enable !== null) return letGo("Another finger touched: let go, and press again.");
+  if (event.button !== 0) return;
+  if (wish.enable !== null) return letGo(FINGER);
   element("enable").setPointerCapture(event.pointerId);
   change(wishes.enabled(wish, event.pointerId));
 });
@@ -102,24 +128,28 @@ element("enable").addEventListener("pointerdown", (event) => {
 element("stick").addEventListener("pointerdown", (event) => {
   event.preventDefault();
   if (event.button !== 0) return;
-  if (wish.stick !== null) return letGo("Another finger touched: let go, and press again.");
+  if (wish.stick !== null) return letGo(FINGER);
   element("stick").setPointerCapture(event.pointerId);
   change(wishes.pulled(wish, event.pointerId, ...placeOf(event), event.pointerType !== "mouse"));
 });
 
-addEventListener("pointermove", (event) => {
-  if (wish.stick?.pointer === event.pointerId) change(wishes.moved(wish, event.pointerId, ...placeOf(event)));
-});
-
-for (const type of ["pointerup", "pointercancel", "lostpointercapture"]) {
-  addEventListener(type, (event) => {
-    const next = wishes.lifted(wish, event.pointerId);
-    if (next.enable !== wish.enable || next.stick !== wish.stick) change(next);
-  });
+function lift(event) {
+  const next = wishes.lifted(wish, event.pointerId);
+  if (next.enable !== wish.enable || next.stick !== wish.stick) change(next);
 }
 
+addEventListener("pointermove", (event) => {
+  // A mouse whose left button is released while another one is pressed only moves.
+  if ((event.buttons & 1) === 0) lift(event);
+  if (wish.stick?.pointer === event.pointerId) follow(wishes.moved(wish, event.pointerId, ...placeOf(event)));
+});
+
+for (const type of ["pointerup", "pointercancel", "lostpointercapture"]) addEventListener(type, lift);
+
 addEventListener("keydown", (event) => {
-  if (!takes(event) || event.ctrlKey || event.altKey || event.metaKey) return;
+  // While a Mac's command key is pressed, the release of another key is not reported.
+  if (event.ctrlKey || event.altKey || event.metaKey) return letGo("Another key was pressed: press again.");
+  if (!takes(event)) return;
   event.preventDefault();
   if (!event.repeat) change(wishes.keyHeld(wish, event.code));
 });
@@ -135,6 +165,7 @@ addEventListener("gamepaddisconnected", () => letGo("The gamepad was lost."));
 element("drive-begin").addEventListener("click", begin);
 element("reset").addEventListener("click", () => {
   letGo("");
+  tell("");
   if (isTaken && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ reset: true }));
 });
 element("drive-end").addEventListener("click", () => {
@@ -145,7 +176,9 @@ element("drive-end").addEventListener("click", () => {
 // --- what it shows
 
 function tell(sentence) {
-  if (element("drive-told").textContent !== sentence) element("drive-told").textContent = sentence;
+  for (const id of ["drive-told", "drive-ended"]) {
+    if (element(id).textContent !== sentence) element(id).textContent = sentence;
+  }
 }
 
 function render() {

@@ -4,6 +4,9 @@
 
 const CHART_S = 20;
 const NEAR_CM = 250; // seen around the hull
+const LEAST_PX = 20;
+const RETRY_MS = 500;
+const NO_PICTURE = 4404; // this station shows none
 const LATE_S = 1; // a picture that is older is hidden
 const NAMES = ["requested", "permitted", "measured"];
 const INKS = {
@@ -17,23 +20,40 @@ const element = (id) => document.getElementById(id);
 const canvas = element("map");
 const dark = matchMedia("(prefers-color-scheme: dark)");
 
+let token = ""; // of the session; empty: no pictures
 let socket = null;
 let robot = null;
 let shown_s = -Infinity;
-let number = 0; // of the newest picture that was submitted for drawing
+let number = 0; // of the newest picture that was submitted for drawing; 0 if none is seen
 let chart = []; // [time, requested, permitted, measured] of the straight velocity
 
 export const drawn = () => number;
 
-export function begin(token) {
+export function begin(ofSession) {
   end();
-  const own = (socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/picture`));
-  own.onopen = () => own.send(JSON.stringify({ token }));
-  own.onmessage = (event) => own === socket && onMessage(JSON.parse(event.data));
-  own.onclose = () => own === socket && end();
+  token = ofSession;
+  connect();
 }
 
 export function end() {
+  token = "";
+  lose();
+}
+
+function connect() {
+  if (token === "" || socket !== null) return;
+  const own = (socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/picture`));
+  own.onopen = () => own.send(JSON.stringify({ token }));
+  own.onmessage = (event) => own === socket && onMessage(JSON.parse(event.data));
+  own.onclose = (event) => {
+    if (own !== socket) return;
+    lose();
+    // The server may not have noticed yet that the one before has ended.
+    if (event.code !== NO_PICTURE) setTimeout(connect, RETRY_MS);
+  };
+}
+
+function lose() {
   const own = socket;
   socket = null;
   robot = null;
@@ -53,9 +73,8 @@ function onMessage(message) {
     if (own !== socket) return;
     shown_s = performance.now() / 1000;
     show(true);
-    draw(message);
     tell(message);
-    number = message.number;
+    number = draw(message) ? message.number : 0;
     own.send(JSON.stringify({ drawn: message.number }));
   });
 }
@@ -71,9 +90,10 @@ setInterval(() => {
 
 // --- drawing
 
+// Returns whether there is enough room for it to be seen.
 function draw(picture) {
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];
-  if (width < 20 || height < 20) return;
+  if (width < LEAST_PX || height < LEAST_PX) return false;
   const dots = devicePixelRatio;
   if (canvas.width !== Math.round(width * dots) || canvas.height !== Math.round(height * dots)) {
     canvas.width = Math.round(width * dots);
@@ -108,6 +128,7 @@ function draw(picture) {
   pen.setTransform(dots, 0, 0, dots, 0, 0);
   metre(pen, 12, height - chart_px - 12, 100 * scale, ink.line);
   drawChart(pen, picture.velocity, 0, height - chart_px, width, chart_px, ink);
+  return true;
 }
 
 function reach_cm(places) {

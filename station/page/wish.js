@@ -17,7 +17,11 @@ const DEAD_ZONE = 0.15;
 const LEVELS = 5;
 export const DEAD_MAN = 4; // left shoulder button, in the standard mapping
 
-export const NOTHING = { enable: null, stick: null, keys: [], pad: null };
+// isPadFree: whether the gamepad was seen with its dead-man button released since everything was last forgotten.
+export const NOTHING = { enable: null, stick: null, keys: [], pad: null, isPadFree: false };
+
+export const isHeld = (wish) =>
+  wish.enable !== null || wish.stick !== null || wish.keys.length > 0 || wish.pad !== null;
 
 export const isDriveKey = (code) => code in KEYS;
 
@@ -41,9 +45,12 @@ export const keyHeld = (wish, code) =>
 export const keyLifted = (wish, code) => ({ ...wish, keys: wish.keys.filter((one) => one !== code) });
 
 // buttons: whether each is pressed; axes: from -1 to 1, the first to the right, the second down.
+// A gamepad is read again and again: a button that is still held must be released before it counts again.
 export function padRead(wish, pad) {
-  if (pad === null || !pad.buttons[DEAD_MAN]) return wish.pad === null ? wish : { ...wish, pad: null };
-  return { ...wish, pad: { x: pad.axes[0] ?? 0, y: -(pad.axes[1] ?? 0) } };
+  const isPressed = pad !== null && pad.buttons[DEAD_MAN] === true;
+  if (isPressed && wish.isPadFree) return { ...wish, pad: { x: pad.axes[0] ?? 0, y: -(pad.axes[1] ?? 0) } };
+  const isPadFree = pad !== null && !isPressed;
+  return wish.pad === null && wish.isPadFree === isPadFree ? wish : { ...wish, pad: null, isPadFree };
 }
 
 const clamp = (value) => Math.max(-1, Math.min(1, Number.isFinite(value) ? value : 0));

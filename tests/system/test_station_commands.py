@@ -176,6 +176,22 @@ async def test_a_page_that_falls_silent_loses_the_wheel_and_another_one_may_take
             await until(lambda: again.told == [""])
 
 
+async def test_no_command_is_sent_on_after_the_end_of_the_pages_lease(tmp_path: Path) -> None:
+    async with driver(tmp_path) as (subject, server, page, one):
+        assert subject.bus is not None
+        await drives(subject, one)
+        heard = subject.bus.subscribe(topics.source_cmd_vel("teleop"), depth=100)
+        await until(lambda: heard.take() != [])
+        one.beats = False
+        await page.socket.close()
+        await until(lambda: "the connection to a page has ended" in server.output)
+        heard.take()
+        with suppress(ConnectionClosed):  # a busy machine may have been silent for too long
+            await one.commands.send('{"linear": 0.4, "angular": 0, "time_s": 9e8, "picture": 1}')
+        await one.closed()
+        await subject.never(lambda: heard.take() != [], "a command", 0.3)
+
+
 async def test_a_second_page_is_told_that_another_one_drives(tmp_path: Path) -> None:
     async with driver(tmp_path) as (_, server, _, one), server.page() as other:
         await until(lambda: one.told == [""] and other.token != "")

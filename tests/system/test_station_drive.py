@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import AsyncGenerator, Awaitable, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -93,6 +93,32 @@ async def test_the_stick_drives_while_the_mouse_holds_it_and_a_touch_of_the_pict
         await tab.mouse("mouseReleased", 10, 10)
         await tab.click(*await tab.middle_of("#map"))
         await subject.until(lambda: ESTOP in subject.status.causes, "its press")
+
+
+async def touches(tab: Tab, kind: str, *places: tuple[float, float]) -> None:
+    """Touch with as many fingers as there are places [CSS pixels]."""
+    points = [{"x": x, "y": y, "id": number} for number, (x, y) in enumerate(places)]
+    await tab.do("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+
+
+async def test_two_thumbs_drive_and_a_third_finger_stops(tmp_path: Path) -> None:
+    async with wheel(tmp_path) as (subject, _, _, tab):
+        await tab.do("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=5)
+        await tab.waits_for("getComputedStyle(document.getElementById('enable')).visibility === 'visible'")
+
+        async def hold() -> None:
+            with suppress(AssertionError):  # nothing touches
+                await touches(tab, "touchEnd")
+            enable, (x, y) = await tab.middle_of("#enable"), await tab.middle_of("#stick")
+            await touches(tab, "touchStart", enable)
+            await touches(tab, "touchStart", enable, (x, y))
+            await touches(tab, "touchMove", enable, (x, y - 40))
+
+        await drives(subject, tab, hold)
+        enable, (x, y) = await tab.middle_of("#enable"), await tab.middle_of("#stick")
+        await touches(tab, "touchStart", enable, (x, y - 40), await tab.middle_of("#drive-told"))
+        await stands(subject)
+        await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion again", 0.5)
 
 
 async def blurred(tab: Tab, _: Browser) -> None:

@@ -25,6 +25,8 @@ console.log(JSON.stringify(JSON.parse(readFileSync(0)).map(run)));
 """
 SEQUENCES, EVENTS = 300, 40
 BUTTONS = [False, False, False, False, True]
+FREE = ["padRead", {"buttons": [False] * 5, "axes": [0, 0]}]
+AHEAD = ["padRead", {"buttons": BUTTONS, "axes": [0, -1]}]
 W, S, A, D = (["keyHeld", f"Key{name}"] for name in "WSAD")
 Event = list[Any]
 
@@ -66,16 +68,26 @@ def wanted(*events: Event, level: float = 5) -> list[float]:
         ([["pulled", 1, 0, 1, False], ["moved", 1, 0, -1]], [-1, 0]),
         ([["pulled", 1, 0, 1, False], ["moved", 2, 0, -1]], [1, 0]),
         ([["pulled", 1, 0, 1, False], W], [0, 0]),
-        ([["padRead", {"buttons": BUTTONS, "axes": [0, -1]}]], [1, 0]),
-        ([["padRead", {"buttons": [False] * 5, "axes": [0, -1]}]], [0, 0]),
-        ([["padRead", {"buttons": BUTTONS, "axes": []}]], [0, 0]),
-        ([["padRead", {"buttons": BUTTONS, "axes": [0, -1]}], ["padRead", None]], [0, 0]),
-        ([["padRead", {"buttons": BUTTONS, "axes": [0, -1]}], ["pulled", 1, 0, 1, False]], [0, 0]),
+        ([FREE, AHEAD], [1, 0]),
+        ([FREE, ["padRead", {"buttons": [False] * 5, "axes": [0, -1]}]], [0, 0]),
+        ([FREE, ["padRead", {"buttons": BUTTONS, "axes": []}]], [0, 0]),
+        ([FREE, AHEAD, ["padRead", None]], [0, 0]),
+        ([FREE, AHEAD, ["pulled", 1, 0, 1, False]], [0, 0]),
         ([W, ["forget"]], [0, 0]),
     ],
 )
 def test_motion_lasts_while_one_thing_is_held(events: list[Event], share: list[float]) -> None:
     assert wanted(*events) == share
+
+
+@pytest.mark.parametrize(
+    "before", [[], [FREE, AHEAD, ["forget"]], [FREE, AHEAD, ["padRead", None]], [FREE, ["padRead", None]]]
+)
+def test_a_gamepad_that_is_held_when_it_comes_or_after_a_stop_drives_only_after_its_button_was_released(
+    before: list[Event],
+) -> None:
+    assert wanted(*before, AHEAD, AHEAD) == [0, 0]
+    assert wanted(*before, AHEAD, FREE, AHEAD) == [1, 0]
 
 
 def test_the_speed_level_scales_both_velocities() -> None:
@@ -95,6 +107,7 @@ def test_no_sequence_of_events_moves_without_a_hand() -> None:
                 not stick["isTouch"] or wish["enable"] not in (None, stick["pointer"])
             )
             if (linear, angular) != (0, 0):
+                assert wish["pad"] is None or wish["isPadFree"]
                 assert has_thumbs + bool(wish["keys"]) + (wish["pad"] is not None) == 1
 
 

@@ -10,7 +10,7 @@ import pytest
 from lifeline.view.ghost import Stopping
 from lifeline.view.picture import FRESH_S, MAX_RAYS, Picture
 from lifeline.view.scene import scene_of
-from supervisor.config import SupervisorSection
+from supervisor.config import NamedLidarSection, SupervisorSection
 from tests.unit.lifeline.view.test_scene import full, scan, status
 from wire.messages import Message, SafetyStatus, encode, laser_scan, odometry, planar_twist
 
@@ -20,8 +20,8 @@ STOPPING = Stopping(0.2, 1.0, 4.0)
 class Page:
     """A picture, and the messages that it hears."""
 
-    def __init__(self) -> None:
-        self.picture = Picture(scene_of(SupervisorSection(), "robot"), STOPPING, (1.0, 2.0))
+    def __init__(self, config: SupervisorSection = SupervisorSection()) -> None:  # noqa: B008 - it is frozen
+        self.picture = Picture(scene_of(config, "robot"), STOPPING, (1.0, 2.0))
 
     def hear(self, key: str, message: Message, arrival_s: float = 100.0) -> None:
         self.picture.hear(f"/robot/{key}", arrival_s, encode(message))
@@ -84,6 +84,20 @@ def test_old_scans_and_a_silent_supervisor_are_not_shown(page: Page) -> None:
     assert page.shows(100.5)["age_s"] == 0.5
     old = page.shows(100.0 + FRESH_S + 0.1)
     assert (old["scans"], old["mode"]) == ([], "")
+
+
+def test_a_picture_has_a_time_only_if_it_shows_a_scan_of_each_lidar_around_the_robot() -> None:
+    both = (NamedLidarSection(name="a", topic="a"), NamedLidarSection(name="b", topic="b"))
+    page = Page(SupervisorSection(lidars=both))
+    page.hear("a", scan(full(2.0)), 99.9)
+    page.hear("b", scan(full(2.0)), 100.0)
+    assert page.picture.scan_s == -math.inf
+    page.hear("odom", odometry((0.0, 0.0, 0.0), (0.0, 0.0), time_ns=0))
+    assert page.picture.scan_s == 99.9
+    half = Page(SupervisorSection(lidars=both))
+    half.hear("odom", odometry((0.0, 0.0, 0.0), (0.0, 0.0), time_ns=0))
+    half.hear("a", scan(full(2.0)))
+    assert half.picture.scan_s == -math.inf
 
 
 def test_a_fine_scan_is_thinned_out(page: Page) -> None:

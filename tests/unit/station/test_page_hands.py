@@ -1,0 +1,211 @@
+"""The hands at a page that drives, in JavaScript with a simple copy of a browser: what each event sends to the server."""
+
+import json
+import subprocess
+from typing import Any
+
+import pytest
+
+from tests.unit.station.test_page_lease import NODE, PAGE
+
+PROGRAM = """
+import { readFileSync } from "node:fs";
+const listeners = {}; // of the window, by type
+const elements = {};
+const frames = [];
+const sent = [];
+let clock_ms = 1000;
+let pads = [];
+const listen = (of) => (type, call, isFirst) => (of[isFirst ? `first ${type}` : type] ??= []).push(call);
+const made = (id) => {
+  const own = {};
+  const map = { clientWidth: 300, clientHeight: 300, getContext: () => new Proxy({}, { get: () => () => {}, set: () => true }) };
+  return {
+    own, dataset: {}, style: {}, hidden: false, textContent: "", value: "5", ...(id === "map" ? map : {}),
+    addEventListener: listen(own), setPointerCapture: () => {},
+    getBoundingClientRect: () => ({ x: 0, y: 0, width: 200, height: 200 }),
+  };
+};
+const element = (id) => (elements[id] ??= made(id));
+Object.assign(globalThis, {
+  addEventListener: listen(listeners),
+  document: { addEventListener: listen(listeners), getElementById: element, body: element("body") },
+  location: { protocol: "http:", host: "x" },
+  matchMedia: () => ({ matches: false }),
+  devicePixelRatio: 1,
+  setInterval: () => {},
+  setTimeout: (call) => frames.push(call),
+  requestAnimationFrame: (call) => frames.push(call),
+  WebSocket: class {
+    static OPEN = 1;
+    readyState = 1;
+    bufferedAmount = 0;
+    constructor(url) { (globalThis.sockets ??= []).push(this); this.url = url; }
+    send(text) { sent.push(JSON.parse(text)); }
+    close() { this.readyState = 3; }
+  },
+});
+Object.defineProperty(globalThis, "navigator", { value: { getGamepads: () => pads } });
+Object.defineProperty(globalThis, "performance", { value: { now: () => clock_ms } });
+const drive = await import("./drive.js");
+const pictures = await import("./picture.js");
+const event = (fields) => ({ preventDefault() {}, button: 0, buttons: 1, pointerId: 1, pointerType: "mouse", ...fields });
+const steps = {
+  begin() {
+    drive.offer("token");
+    element("drive-begin").own.click.forEach((call) => call());
+  },
+  told(sentence) { sockets.at(-1).onmessage({ data: JSON.stringify({ kind: "told", sentence }) }); },
+  on(id, type, fields) {
+    for (const call of [...(listeners[`first ${type}`] ?? []), ...(element(id).own[type] ?? []), ...(listeners[type] ?? [])]) {
+      call(event(fields));
+    }
+  },
+  window(type, fields) { (listeners[type] ?? []).forEach((call) => call(event(fields))); },
+  frame(after_ms) {
+    clock_ms += after_ms;
+    frames.splice(0).forEach((call) => call());
+  },
+  pads(all) { pads = all; },
+  map(size) { Object.assign(element("map"), { clientWidth: size, clientHeight: size }); },
+  pictures() { pictures.begin("token"); },
+  shown(message) { sockets.at(-1).onmessage({ data: JSON.stringify(message) }); },
+  closed(reason, code) { sockets.at(-1).onclose({ reason, code }); },
+};
+for (const [name, ...parts] of JSON.parse(readFileSync(0))) steps[name](...parts);
+const texts = Object.fromEntries(Object.entries(elements).map(([id, one]) => [id, one.textContent]));
+console.log(JSON.stringify([sent, { ...texts, sockets: sockets.map((one) => one.url).join(" ") }, pictures.drawn()]));
+"""
+Step = list[Any]
+BEGUN: list[Step] = [["begin"], ["told", ""], ["frame", 50]]
+PULLED: list[Step] = [
+    ["on", "stick", "pointerdown", {"clientX": 100, "clientY": 100}],
+    ["window", "pointermove", {"clientX": 100, "clientY": 0}],
+    ["frame", 50],
+]
+W: Step = ["window", "keydown", {"code": "KeyW"}]
+
+
+def run(*steps: Step) -> tuple[list[dict[str, Any]], dict[str, str], int]:
+    """Return what was sent, the texts of the page's elements, and the number of the newest picture that counts as drawn."""
+    node = [str(NODE), "--input-type=module", "--eval", PROGRAM]
+    done = subprocess.run(
+        node, cwd=PAGE, input=json.dumps(steps), capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    return tuple(json.loads(done.stdout))
+
+
+def newest(*steps: Step) -> float:
+    """Return the straight velocity that was sent last, after Drive was pressed."""
+    return run(*BEGUN, *steps)[0][-1]["linear"]
+
+
+def test_a_stick_drives_until_its_button_is_released() -> None:
+    assert newest(*PULLED) == 1
+    assert newest(*PULLED, ["window", "pointerup", {}]) == 0
+
+
+def test_a_stick_whose_left_button_is_released_while_another_one_is_pressed_is_released() -> None:
+    assert newest(*PULLED, ["window", "pointermove", {"clientX": 100, "clientY": 0, "buttons": 2}]) == 0
+
+
+@pytest.mark.parametrize("modifier", ["ctrlKey", "altKey", "metaKey"])
+def test_a_key_that_makes_a_shortcut_lets_go_of_everything(modifier: str) -> None:
+    shortcut = ["window", "keydown", {"code": "MetaLeft", modifier: True}]
+    assert newest(W) == 1
+    assert newest(W, shortcut) == 0
+    assert newest(W, shortcut, ["frame", 50], ["window", "keydown", {"code": "KeyW", "repeat": True}]) == 0
+
+
+@pytest.mark.parametrize("hertz", [60, 144, 240])
+def test_a_hand_that_moves_all_the_time_sends_less_than_the_server_accepts_and_its_zero_at_once(
+    hertz: int,
+) -> None:
+    moves = [
+        step
+        for number in range(hertz)
+        for step in (
+            ["window", "pointermove", {"clientX": 100, "clientY": number % 50}],
+            ["frame", 1000 / hertz],
+        )
+    ]
+    sent, _, _ = run(*BEGUN, PULLED[0], *moves)
+    assert 25 < len(sent) < 45
+    assert newest(*PULLED, ["window", "pointermove", {"clientX": 100, "clientY": 100}]) == 0
+
+
+def touch(place: str, pointer: int) -> Step:
+    return [
+        "on",
+        place,
+        "pointerdown",
+        {"clientX": 100, "clientY": 0, "pointerId": pointer, "pointerType": "touch"},
+    ]
+
+
+@pytest.mark.parametrize("place", ["enable", "stick", "speed", "body"])
+def test_a_third_finger_anywhere_lets_go_of_everything(place: str) -> None:
+    thumbs = [touch("enable", 1), touch("stick", 2)]
+    assert newest(*thumbs) == 1
+    assert newest(*thumbs, touch(place, 3)) == 0
+    assert newest(*thumbs, touch(place, 3), ["frame", 50]) == 0
+
+
+def test_a_gamepad_without_the_standard_mapping_does_not_drive() -> None:
+    def pad(mapping: str, *, held: bool) -> Step:
+        buttons = [{"pressed": held and number == 4} for number in range(5)]
+        return ["pads", [None, {"connected": True, "mapping": mapping, "buttons": buttons, "axes": [0, -1]}]]
+
+    for mapping, share in (("standard", 1), ("", 0)):
+        assert (
+            newest(pad(mapping, held=False), ["frame", 50], pad(mapping, held=True), ["frame", 50]) == share
+        )
+
+
+def test_a_refusal_lets_go_and_is_shown_until_something_is_held_again() -> None:
+    refused: list[Step] = [*BEGUN, W, ["told", "The picture is 0.4 s old."], ["told", ""], ["frame", 50]]
+    sent, texts, _ = run(*refused)
+    assert sent[-1]["linear"] == 0
+    assert texts["drive-told"] == "The picture is 0.4 s old."
+    _, texts, _ = run(*refused, ["window", "keyup", {"code": "KeyW"}], W)
+    assert texts["drive-told"] == ""
+
+
+def test_a_page_that_may_not_drive_shows_why_beside_its_button() -> None:
+    _, texts, _ = run(["begin"], ["closed", "Another page drives."])
+    assert texts["drive-ended"] == "Another page drives."
+
+
+def picture(number: int) -> Step:
+    velocity = {name: [0, 0] for name in ("requested", "permitted", "measured")}
+    texts = dict.fromkeys(("mode", "why", "step", "owner", "nearest"), "")
+    facts: dict[str, Any] = {
+        "scans": [],
+        "ghost": None,
+        "stop": None,
+        "age_s": 0.1,
+        "round_trip_s": 0.1,
+        "events": [],
+    }
+    return ["shown", {"kind": "picture", "number": number, "velocity": velocity, **texts, **facts}]
+
+
+def test_only_a_picture_that_is_large_enough_to_be_seen_counts_as_drawn() -> None:
+    lines = {name: [0, 0, 10, 10] for name in ("outline", "heading", "stop", "warning")}
+    begun: list[Step] = [
+        ["pictures"],
+        ["shown", {"kind": "robot", "most": [1, 1], **lines}],
+        picture(1),
+        ["frame", 50],
+    ]
+    sent, _, drawn = run(*begun)
+    assert (sent[-1], drawn) == ({"drawn": 1}, 1)
+    sent, _, drawn = run(*begun, ["map", 0], picture(2), ["frame", 50])
+    assert (sent[-1], drawn) == ({"drawn": 2}, 0)
+
+
+@pytest.mark.parametrize(("code", "connections"), [(4429, 2), (1006, 2), (4404, 1)])
+def test_pictures_that_end_begin_again_unless_the_station_shows_none(code: int, connections: int) -> None:
+    _, texts, _ = run(["pictures"], ["closed", "", code], ["frame", 500])
+    assert texts["sockets"].split() == ["ws://x/picture"] * connections
