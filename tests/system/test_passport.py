@@ -6,12 +6,14 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pexpect
 import pytest
 
+from deploy.stack import processes
 from passport.record import Passport, from_json
 from tests.system.ports import free_endpoint
 from tests.system.test_record import lifeline, say
@@ -25,8 +27,12 @@ MOST_REPEATS = 20
 BRAKING_M_S2, SPEED_M_S = 1.5, 0.5
 LATE_M = 0.25
 """On a busy machine, a fault is detected late; a robot that brakes later than this has not been stopped by it."""
+BASE_TIMEOUT_S, PERIOD_S = 0.5, 0.05
+"""Of a base that lets a command count for long; period of the operator's commands."""
 REST_S = 3.0
 """Braking takes a third of a second."""
+LONG_HALL = "[hall]\nsize_m = [16.0, 16.0]\n\n[start]\nx_m = 2.0\n"
+"""A robot that does not stop needs more room."""
 HALL = "[hall]\nsize_m = [12.0, 10.0]\n\n[start]\nx_m = 2.0\n"
 ROBOT = f"""\
 [supervisor]
@@ -42,6 +48,7 @@ QUESTIONS = {
     r"Type yes if it agrees\.": "yes",
     r"Type what the floor is": "concrete",
     r"Type go to drive": "go",
+    r"Type without to drive": "without",
     r"Type the mass": "0 kg",
     r"Type again to repeat": "again",
     r"Type reset to reset": "reset",
@@ -70,8 +77,9 @@ class Site:
 
     def __init__(self, directory: Path, robot: str = ROBOT) -> None:
         self.file, self.out = directory / "robot.toml", directory / "passport.json"
+        self.state = directory / "state"
         self.endpoint = free_endpoint()
-        self._options = ("--endpoint", self.endpoint, "--state-dir", str(directory / "state"))
+        self._options = ("--endpoint", self.endpoint, "--state-dir", str(self.state))
         self.file.write_text(robot)
         (directory / "hall.toml").write_text(HALL)
 
@@ -82,11 +90,12 @@ class Site:
     def down(self) -> None:
         run("down", *self._options[2:])
 
-    def measure(self, *faults: str, runs: int = 1) -> "pexpect.spawn[str]":
+    def measure(self, *faults: str, runs: int = 1, without: bool = False) -> "pexpect.spawn[str]":
         named = [word for fault in faults for word in ("--fault", fault)]
         command = lifeline(
             "passport", "measure", str(self.file), *self._options, *named,
             "--out", str(self.out), "--load", "0", "--runs", str(runs),
+            *(["--without"] if without else []),
         )  # fmt: skip
         return pexpect.spawn(command[0], command[1:], dimensions=(50, 200), encoding="utf-8")
 
@@ -94,15 +103,22 @@ class Site:
         return from_json(self.out.read_text())
 
 
-@pytest.fixture
-def site() -> Generator[Site]:
+@contextmanager
+def a_site(robot: str = ROBOT, hall: str = HALL) -> Generator[Site]:
     directory = Path(tempfile.mkdtemp(prefix="lifeline-"))  # pytest's paths are too long for a socket
-    one = Site(directory)
+    one = Site(directory, robot)
+    (directory / "hall.toml").write_text(hall)
     try:
         yield one
     finally:
         one.down()
         shutil.rmtree(directory, ignore_errors=True)
+
+
+@pytest.fixture
+def site() -> Generator[Site]:
+    with a_site() as one:
+        yield one
 
 
 def answer(terminal: "pexpect.spawn[str]", until: str | None = None) -> None:
@@ -114,6 +130,15 @@ def answer(terminal: "pexpect.spawn[str]", until: str | None = None) -> None:
         repeats += word == "again"
         assert repeats < MOST_REPEATS, terminal.before
         terminal.send(f"{word}\r")
+
+
+def measured(terminal: "pexpect.spawn[str]") -> None:
+    """Answer all questions of a measurement that reaches its end."""
+    try:
+        answer(terminal)
+    finally:
+        terminal.close(force=True)
+    assert terminal.exitstatus == 0, terminal.before
 
 
 async def comes_to_rest(site: Site) -> None:
@@ -139,12 +164,7 @@ def test_the_stops_after_three_faults_are_those_of_the_robot_and_a_key_ends_the_
     site: Site,
 ) -> None:
     site.up()
-    terminal = site.measure("operator-killed", "supervisor-killed", "estop")
-    try:
-        answer(terminal)
-    finally:
-        terminal.close(force=True)
-    assert terminal.exitstatus == 0, terminal.before
+    measured(site.measure("operator-killed", "supervisor-killed", "estop"))
     record = site.record()
     assert [one.fault for one in record.cells] == ["operator's program killed", "e-stop", "supervisor killed"]
     brakes_m = SPEED_M_S**2 / (2.0 * BRAKING_M_S2)
@@ -188,3 +208,41 @@ def test_a_fault_that_does_not_exist_is_refused_with_the_names_of_all(site: Site
     refused = run("passport", "measure", str(site.file), "--fault", "fire")
     assert refused.returncode == 2
     assert "'fire' is not a valid Fault; there are: zero, turn, operator-killed" in refused.stderr
+
+
+SLOW_BASE = ROBOT.replace(
+    "[sim]", f"base_timeout_s = {BASE_TIMEOUT_S}\n\n[sim]\ncommand_timeout_s = {BASE_TIMEOUT_S}"
+)
+
+
+@pytest.mark.timed
+@pytest.mark.timeout(600)
+def test_without_lifeline_the_base_alone_stops_the_robot_and_nothing_does_when_the_lidar_is_silent() -> None:
+    with a_site(SLOW_BASE, LONG_HALL) as site:
+        site.up()
+        measured(site.measure("operator-killed"))
+
+        interrupted = site.measure("operator-killed", without=True)
+        answer(interrupted, until=r"operator's program killed: 0\.[2-9]")
+        interrupted.sendintr()
+        interrupted.expect(pexpect.EOF, timeout=PATIENCE_S)
+        interrupted.close(force=True)
+        assert interrupted.exitstatus == 130
+        assert "supervisor" in {one.name for one in processes.of(site.state)}
+        asyncio.run(comes_to_rest(site))
+
+        measured(site.measure("operator-killed", "lidar-silent", without=True))
+        assert "supervisor" in {one.name for one in processes.of(site.state)}
+        before, killed, silent = site.record().cells
+        assert [one.with_lifeline for one in site.record().cells] == [True, False, False]
+        (usual,), (one,) = before.runs, killed.runs
+        say(f"without Lifeline: {one.distance_m} m by the wall, {one.odometry_m} m by odometry, {one.t3_s} s")
+        assert usual.stopped
+        assert one.stopped
+        assert one.distance_m is not None
+        brakes_m = SPEED_M_S**2 / (2.0 * BRAKING_M_S2)
+        on_m = SPEED_M_S * (BASE_TIMEOUT_S - PERIOD_S)
+        assert on_m + brakes_m - 0.02 < one.distance_m < SPEED_M_S * BASE_TIMEOUT_S + brakes_m + LATE_M
+        assert [run.stopped for run in silent.runs] == [False]
+        assert silent.refused == "ended in run 1: the robot did not stop"
+        assert "without Lifeline" not in site.record().not_tested
