@@ -1,11 +1,16 @@
 """Robots that cannot be measured without Lifeline."""
 
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 
+from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir
+from passport import measure
+from passport.cells import OF_LIFELINE, Fault
+from passport.measure import Orders
 from passport.without import Without
 from wire import topics
 from wire.bus_config import BusConfig
@@ -28,3 +33,10 @@ def test_a_robot_whose_supervisor_cannot_be_replaced_is_refused_with_the_reason(
     refused = Without(launch, StateDir(tmp_path), ("teleop", "path")).refusal()
     assert refused is not None
     assert why in refused
+
+
+@pytest.mark.parametrize("fault", sorted(OF_LIFELINE))
+def test_a_fault_or_a_stop_of_lifeline_is_refused(tmp_path: Path, fault: Fault) -> None:
+    orders = Orders("path", None, tmp_path / "out", 1, (0,), [Fault.ZERO, fault], with_lifeline=False)
+    with pytest.raises(DeployError, match=f"^{fault}: not without Lifeline"):
+        measure._without(cast("Any", None), StateDir(tmp_path), orders)  # pyright: ignore[reportPrivateUsage]
