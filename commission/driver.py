@@ -5,6 +5,8 @@ The heartbeat also runs during a question. It is neutral except during a drive.
 
 import asyncio
 import math
+from collections.abc import Coroutine
+from typing import Any
 
 from commission.person import Person
 from commission.plan import Base, Drive
@@ -131,6 +133,16 @@ class Driver:
         end_s = self.now_s + seconds
         while self.now_s < end_s:
             await self.beat()
+
+    async def during(self, work: Coroutine[Any, Any, None]) -> None:
+        """Stand still while something is done, and raise what it raises."""
+        working = asyncio.ensure_future(work)
+        try:
+            while not working.done():
+                await self.beat()
+            working.result()
+        finally:
+            working.cancel()
 
     async def ask(self, question: str) -> str:
         """Ask the person, and return the typed line, in small letters.

@@ -7,6 +7,8 @@
     child.py       a program that ends with the measurement
     pilot.py       the operator's program, which is killed, stopped and cut off
     link.py        the operator's link, which is cut
+    bypass.py      a hub in place of the supervisor that judges nothing
+    without.py     puts it there, and the supervisor back
     injection.py   injects and lifts the faults
     rounds.py      drives one run, and back
     results.py     the file of the runs, and how a measurement continues
@@ -20,5 +22,5 @@
     compare.py     which limits became worse
     reading.py     the commands `report`, `verify` and `diff`
 
-All are pure but child.py, pilot.py, link.py, injection.py, rounds.py, results.py and the two of the commands.
+All are pure but child.py, pilot.py, link.py, bypass.py, without.py, injection.py, rounds.py, results.py and the two of the commands.
 """

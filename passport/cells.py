@@ -7,7 +7,7 @@ from typing import NamedTuple
 from commission.plan import Base, Drive
 from commission.stopping import LEAST_SPEED_M_S
 from deploy.stack.errors import DeployError
-from passport.record import speed_in_words
+from passport.record import WITHOUT, speed_in_words
 from supervisor.config import SupervisorSection
 from supervisor.measured import MeasuredSection
 from teleop.pilots.pilot import NEUTRAL, Velocity
@@ -56,8 +56,10 @@ SHARES = (0.33, 0.66, 1.0)
 LOADS_PERCENT = (0, 100)
 NOT_TESTED = (
     "the operator's link cut in one direction only",
-    "without Lifeline",
+    WITHOUT,
 )
+OF_LIFELINE = {Fault.ESTOP, *(one for one in Fault if one.takes_recorder)}
+"""These need Lifeline: they are not measured without it."""
 
 
 def faults_named(names: Iterable[str]) -> list[Fault]:
@@ -78,6 +80,7 @@ class Plan(NamedTuple):
     fault: Fault
     speed: float
     """Speed at the fault [m/s]; for a turn, rate [rad/s]."""
+    with_lifeline: bool = True
 
     @property
     def is_turn(self) -> bool:
@@ -93,22 +96,26 @@ class Plan(NamedTuple):
         return NEUTRAL if self.fault in {Fault.ZERO, Fault.TURN} else self.velocity
 
     def __str__(self) -> str:
-        return f"{self.fault.words} at {speed_in_words(self.speed, turn=self.is_turn)}"
+        without = "" if self.with_lifeline else f" {WITHOUT}"
+        return f"{self.fault.words}{without} at {speed_in_words(self.speed, turn=self.is_turn)}"
 
 
-def plans(top: Velocity, wanted: Collection[Fault] = (), *, has_ros2: bool = False) -> Iterator[Plan]:
+def plans(
+    top: Velocity, wanted: Collection[Fault] = (), *, has_ros2: bool = False, with_lifeline: bool = True
+) -> Iterator[Plan]:
     """Yield the cells, the slowest first; those that take the recorder last.
 
     Args:
         top: the top speed, and the top rate of a turn.
         wanted: only these faults; empty: all that apply to the robot.
         has_ros2: whether it is a ROS 2 robot.
+        with_lifeline: whether Lifeline is between the operator and the base.
     """
-    for fault in Fault:
+    for fault in Fault if with_lifeline else (one for one in Fault if one not in OF_LIFELINE):
         if fault in wanted or (not wanted and (has_ros2 or fault is not Fault.ROS2_KILLED)):
             for share in SHARES if fault is Fault.ZERO else SHARES[-1:]:
                 most = top.angular_rad_s if fault is Fault.TURN else top.linear_m_s
-                yield Plan(fault, round(share * most, 3))
+                yield Plan(fault, round(share * most, 3), with_lifeline)
 
 
 class Bases(NamedTuple):
@@ -166,10 +173,14 @@ def drive_of(plan: Plan, base: Base) -> Drive:
 def needs_m(plan: Plan, base: Base) -> float:
     """Return the free distance ahead of the hull that a run needs: run-up, longest stop and margin.
 
-    While a fault takes the recorder, nothing can be done about a base that drives on: this distance is needed too.
+    While a fault takes the recorder, nothing can be done about a base that drives on: this distance is needed too. So it is without Lifeline, where the e-stop
+    ends such a run; if the lidar is silent, only once the robot counts as one that does not stop.
     """
-    unseen_s = standing_s(plan, base) if plan.fault.takes_recorder else 0.0
-    return drive_of(plan, base).needs_m(base) + plan.speed * unseen_s
+    on_s = standing_s(plan, base) if plan.fault.takes_recorder or not plan.with_lifeline else 0.0
+    if plan.fault is Fault.LIDAR_SILENT and not plan.with_lifeline:
+        on_s += STOP_LIMIT_S
+    on_m = 0.0 if plan.is_turn else plan.speed * on_s
+    return drive_of(plan, base).needs_m(base) + on_m
 
 
 def problem(plan: Plan, base: Base, ahead_m: float) -> str | None:
@@ -190,6 +201,8 @@ def standing_s(plan: Plan, base: Base) -> float:
 
 
 LATER_S = 0.3
+STOP_LIMIT_S = 3.0
+"""A robot that still moves this long after it should stand does not stop."""
 TURN_STEADY_S = 0.6
 """Time for which the robot turns at the full rate before the fault; in a longer time, it could turn by more than half a circle."""
 MOST_RAD = 3.0

@@ -9,6 +9,8 @@ import sys
 from contextlib import suppress
 
 _PR_SET_PDEATHSIG = 1
+READY = "ready"
+"""The first line of a program that can work; any other is the reason why it cannot."""
 END_LIMIT_S = 2.0
 
 

@@ -24,7 +24,7 @@ def stops_over_speed(found: Sequence[Row], title: str, value: Value) -> str:
         value: gives it for a run; None: the run does not show it.
     """
     points = [
-        (run.v0_m_s, shown, row.cell.fault)
+        (run.v0_m_s, shown, row.cell.name)
         for row in found
         for run in row.cell.runs
         if (shown := value(run)) is not None
@@ -39,7 +39,7 @@ def stops_over_speed(found: Sequence[Row], title: str, value: Value) -> str:
     worst = [(0.0, 0.0)]
     for row in found:
         values = [(run.v0_m_s, shown) for run in row.cell.runs if (shown := value(run)) is not None]
-        if row.cell.fault == WORDS[Fault.ZERO] and values:
+        if row.cell.name == WORDS[Fault.ZERO] and values:
             worst.append(max(values, key=lambda one: one[1]))
     size = (LEFT_PX + WIDTH_PX + 10.0, TOP_PX + HEIGHT_PX + 34.0)
     axes = plot.axes(title, "speed before the fault [m/s]")

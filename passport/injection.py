@@ -8,8 +8,7 @@ from deploy.stack import processes
 from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir
 from passport.cells import Fault
-from passport.child import Child
-from passport.pilot import READY
+from passport.child import READY, Child
 from teleop.pilots.pilot import NEUTRAL, Velocity
 from wire import topics
 from wire.bus import Bus, NoReplyError
@@ -86,6 +85,16 @@ def python_module(launch: Launch) -> list[str]:
     return launch.command("")[:2]
 
 
+def not_supervised(launch: Launch, state: StateDir, name: str) -> str | None:
+    """Return why a process cannot be ended and started again from here; None if it can."""
+    names = {process.name for process in processes.of(state.path)}
+    if not launch.is_started(state) or name not in names:
+        return f"the process {name} is not one of this computer's `lifeline up`"
+    if SUPERVISORD not in names:
+        return f"nothing would start the process {name} again: start the robot with `lifeline up --detach`"
+    return None
+
+
 class Injector:
     """Injects the faults of one robot.
 
@@ -106,11 +115,8 @@ class Injector:
             return "the link has certificates, and only a link on this computer can be cut: pull its cable by hand"
         if fault.takes_recorder:
             struck = topics.ROS2 if fault is Fault.ROS2_KILLED else topics.SUPERVISOR
-            names = {process.name for process in processes.of(self._state.path)}
-            if not self._launch.is_started(self._state) or struck not in names:
-                return f"the process {struck} is not one of this computer's `lifeline up`"
-            if SUPERVISORD not in names:
-                return f"nothing would start the process {struck} again: start the robot with `lifeline up --detach`"
+            if (problem := not_supervised(self._launch, self._state, struck)) is not None:
+                return problem
         if fault in SENSORS:
             try:
                 await self._bus.call(topics.SIM_FAULTS, timeout_s=CALL_LIMIT_S)

@@ -35,6 +35,7 @@ from passport.record import MAX_TEXT, Conditions, Instrument, Passport, Run, way
 from passport.results import Results
 from passport.rounds import Place, Rounds, Seen
 from passport.stops import no_stop, run_of
+from passport.without import Without
 from supervisor.config import NamedLidarSection, SupervisorSection
 from supervisor.measured import MeasuredLidar, MeasuredSection
 from teleop.pilots.config import TeleopSection
@@ -59,6 +60,7 @@ class Orders(NamedTuple):
     loads_percent: tuple[int, ...]
     faults: Collection[Fault]
     """Empty: all."""
+    with_lifeline: bool = True
 
 
 class Robot(NamedTuple):
@@ -119,17 +121,45 @@ def measure(file: Path, launch: Launch, state: StateDir, running: Launch | None,
     if robot.operator == orders.source:
         raise DeployError(f"--source {orders.source} is the source of the operator's program: give another")
     check_robot(file, launch, running)
+    without = None if orders.with_lifeline else _without(robot, state, orders)
 
     operator = Operator(launch, robot.operator)
-    with_person(launch, lambda bus, person: Measurement(bus, person, operator, robot, state, orders).run)
+    with_person(
+        launch, lambda bus, person: Measurement(bus, person, operator, robot, state, orders, without).run
+    )
+
+
+def _without(robot: Robot, state: StateDir, orders: Orders) -> Without:
+    """Return what takes the place of the supervisor.
+
+    Raises:
+        DeployError: the robot, or one of the faults, cannot be measured without Lifeline.
+    """
+    of_lifeline = [fault for fault in orders.faults if fault in cells.OF_LIFELINE]
+    if of_lifeline:
+        raise DeployError(
+            f"{' and '.join(of_lifeline)}: not without Lifeline, because it is a fault or a stop of Lifeline"
+        )
+    without = Without(robot.launch, state, (robot.operator, orders.source))
+    if (refusal := without.refusal()) is not None:
+        raise DeployError(refusal)
+    return without
 
 
 class Measurement:
     """Conducts the measurement with one person."""
 
     def __init__(
-        self, bus: Bus, person: Person, operator: Operator, robot: Robot, state: StateDir, orders: Orders
+        self,
+        bus: Bus,
+        person: Person,
+        operator: Operator,
+        robot: Robot,
+        state: StateDir,
+        orders: Orders,
+        without: Without | None,
     ) -> None:
+        self._without = without
         self._person, self._robot, self._orders = person, robot, orders
         self._say = person.say
         self._bases = cells.trusted_bases(robot.config, robot.measured)
@@ -147,13 +177,20 @@ class Measurement:
             self._say(f"aborted: {error}. {self._kept}")
             return EXIT_INTERRUPTED if stop.is_set() else EXIT_ABORTED
         finally:
-            await self._driver.leave()
+            try:
+                await self._driver.leave()
+            finally:
+                if self._without is not None and not await self._without.end():
+                    self._say("the supervisor was not started again: `lifeline down`, then `lifeline up`")
         self._say(f"written: {self._orders.out}")
         return 0
 
     async def _steps(self) -> None:
         has_ros2 = topics.ROS2 in self._robot.launch.nodes
-        plans = list(cells.plans(self._robot.top, self._orders.faults, has_ros2=has_ros2))
+        with_lifeline = self._orders.with_lifeline
+        plans = list(
+            cells.plans(self._robot.top, self._orders.faults, has_ros2=has_ros2, with_lifeline=with_lifeline)
+        )
         self._say(
             "The robot is driven toward a flat wall, and stopped by faults. Place it on a flat, free floor, facing the wall. Stand "
             "beside it with its own e-stop in your hand. Any key aborts a drive."
@@ -171,12 +208,25 @@ class Measurement:
         if fitting:
             needed_m = max(cells.needs_m(one, self._bases.of(one)) for one in fitting)
             turns = " It also turns on the spot." if any(one.is_turn for one in fitting) else ""
+            alone = (
+                "While a process of Lifeline is killed or stopped, only the base itself and you can stop it."
+            )
+            word = "go"
+            if self._without is not None:
+                alone = (
+                    "Lifeline is not there: NOTHING but the base itself and you stops the robot, neither before an obstacle nor when "
+                    "a stream ends. Keep your hand on its own e-stop."
+                )
+                word = "without"
             await self._confirm(
                 f"The robot drives {needed_m:.1f} m toward the wall at most, and back to where it stands now, {len(fitting)} cells with "
-                f"{self._orders.runs} runs each.{turns} While a process of Lifeline is killed or stopped, only the base itself and you can "
-                f"stop it. Keep this area free, and {cells.SIDE_M:g} m beside the robot and behind it. Type go to drive.",
-                "go",
+                f"{self._orders.runs} runs each.{turns} {alone} Keep this area free, and {cells.SIDE_M:g} m beside the robot and "
+                f"behind it. Type {word} to drive.",
+                word,
             )
+            if self._without is not None:
+                await self._driver.during(self._without.begin())
+                await self._rounds.all_heard()
         for load_percent in self._orders.loads_percent:
             if any(results.runs(plan, load_percent) < self._orders.runs for plan in fitting):
                 await self._load(results, load_percent)
@@ -301,8 +351,13 @@ class Measurement:
                 continue
             results.add(plan, load_percent, run)
             self._note_machine(results)
-            if not run.stopped:
+            if not run.stopped and plan.with_lifeline:
                 raise AbortedError(f"the robot did not stop after {name}: the measurement ends")
+            if not run.stopped:
+                self._say(f"{name}: the robot did not stop")
+                results.refuse(plan, load_percent, f"ended in run {done + 1}: the robot did not stop")
+                await self._recover(plan)
+                return
             self._say(f"{name}, run {done + 1} of {self._orders.runs}: {_in_words(plan, run)}")
             await self._recover(plan)
 
@@ -345,7 +400,8 @@ class Measurement:
 
     async def _recover(self, plan: Plan) -> None:
         """Make the robot ready again; a person resets the e-stop."""
-        while plan.fault is Fault.ESTOP and self._rounds.is_estop_latched:
+        can_latch = plan.fault is Fault.ESTOP or not plan.with_lifeline
+        while can_latch and self._rounds.is_estop_latched:
             await self._confirm("The e-stop is latched. Type reset to reset it.", "reset")
             problem = await self._injector.reset()
             if problem is not None:

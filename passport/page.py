@@ -59,8 +59,7 @@ def _table(found: Sequence[Row]) -> Iterator[str]:
     )
     for row in found:
         cell = row.cell
-        name = escape(cell.fault) + ("" if cell.with_lifeline else ", without Lifeline")
-        yield f'<tr><td class="l">{name}</td><td>{cell.speed if cell.turn else f"{cell.speed_m_s:g}"}</td><td>{cell.load_percent}</td><td>{row.runs}</td>'
+        yield f'<tr><td class="l">{escape(cell.name)}</td><td>{cell.speed if cell.turn else f"{cell.speed_m_s:g}"}</td><td>{cell.load_percent}</td><td>{row.runs}</td>'
         if not row.runs:
             yield '<td class="l soft" colspan="5">not measured</td></tr>'
             continue
@@ -137,9 +136,9 @@ def _runs(cells: Sequence[Cell]) -> Iterator[str]:
     for cell in cells:
         if not cell.runs:
             continue
-        yield f'<h3>{escape(cell.fault)}, {cell.speed}, load {cell.load_percent} %</h3><div class="runs">'
+        yield f'<h3>{escape(cell.name)}, {cell.speed}, load {cell.load_percent} %</h3><div class="runs">'
         for number, run in enumerate(cell.runs, 1):
-            picture = speed_over_time(run, f"Run {number} of {cell.fault}")
+            picture = speed_over_time(run, f"Run {number} of {cell.name}")
             yield f"<figure>{picture}<figcaption>{number}: {escape(_run(cell, run))}</figcaption></figure>"
         yield "</div>"
 

@@ -13,7 +13,7 @@ from contextlib import suppress
 
 from deploy.stack.errors import DeployError
 from deploy.stack.reach import reach
-from passport.child import die_with_parent
+from passport.child import READY, die_with_parent
 from teleop.holder import HeldError, Holder, about_this_process
 from teleop.pilots.pilot import NEUTRAL, Velocity
 from teleop.rate import Rate
@@ -28,7 +28,6 @@ from wire.zenoh.hub_proof import HubProof
 
 RATE_HZ = 20.0
 SILENT_S = 0.5
-READY = "ready"
 EXIT_REFUSED = 2
 
 

@@ -116,7 +116,7 @@ def compare(old: Path, new: Path, *, as_json: bool) -> int:
             cell, quantity = one.cell, f"{one.quantity} [{one.unit}]"
             condition = (cell.speed, f"{cell.load_percent} %")
             table.add_row(
-                cell.fault,
+                cell.name,
                 *condition,
                 quantity,
                 _shown(one.old, failed=one.old_failed),

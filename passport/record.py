@@ -17,6 +17,8 @@ MAX_DEVIATIONS = 1000
 MAX_TEXT, MAX_SENTENCE = 300, 1000
 """Characters."""
 
+WITHOUT = "without Lifeline"
+
 Text = Annotated[str, Field(max_length=MAX_TEXT)]
 Sentence = Annotated[str, Field(min_length=1, max_length=MAX_SENTENCE)]
 Seconds = Annotated[float, Field(ge=-60.0, le=600.0, allow_inf_nan=False)]
@@ -82,6 +84,11 @@ class Cell(_Record):
     refused: Sentence | None = None
     """Why the cell was not measured, or was ended early."""
     runs: Annotated[tuple[Run, ...], Field(max_length=MAX_RUNS)] = ()
+
+    @property
+    def name(self) -> str:
+        """The fault, and whether Lifeline was not there."""
+        return self.fault if self.with_lifeline else f"{self.fault}, {WITHOUT}"
 
     @property
     def speed(self) -> str:

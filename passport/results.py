@@ -6,7 +6,7 @@ from pathlib import Path
 from commission.commission import replace_file
 from deploy.stack.errors import DeployError
 from passport.cells import Plan
-from passport.record import MAX_BYTES, MAX_DEVIATIONS, MAX_SENTENCE, Cell, Passport, Run, from_json
+from passport.record import MAX_BYTES, MAX_DEVIATIONS, MAX_SENTENCE, WITHOUT, Cell, Passport, Run, from_json
 from wire.foreign import ForeignError, read_text
 
 SAME = ("robot", "version", "commit", "configuration_sha256")
@@ -36,6 +36,8 @@ class Results:
 
     def add(self, plan: Plan, load_percent: int, run: Run) -> None:
         self._change(plan, load_percent, lambda cell: cell.model_copy(update={"runs": (*cell.runs, run)}))
+        if not plan.with_lifeline:
+            self.update(not_tested=tuple(one for one in self.passport.not_tested if one != WITHOUT))
 
     def refuse(self, plan: Plan, load_percent: int, why: str | None) -> None:
         """Note why a cell was not measured, or was ended early; None: it is measured now."""
@@ -71,7 +73,7 @@ class Results:
 
 def is_of(cell: Cell, plan: Plan, load_percent: int) -> bool:
     """Return whether a cell is that of a plan."""
-    planned = (plan.fault.words, plan.speed, load_percent, True)
+    planned = (plan.fault.words, plan.speed, load_percent, plan.with_lifeline)
     return (cell.fault, cell.speed_m_s, cell.load_percent, cell.with_lifeline) == planned
 
 
@@ -84,7 +86,7 @@ def with_change(
             fault=plan.fault.words,
             speed_m_s=plan.speed,
             load_percent=load_percent,
-            with_lifeline=True,
+            with_lifeline=plan.with_lifeline,
             turn=plan.is_turn,
         )
         cells = (*cells, new)

@@ -1,6 +1,5 @@
 """One run: from the place where the robot stands, toward the wall, through the fault, to the standstill; then back."""
 
-import asyncio
 import itertools
 import math
 from typing import NamedTuple
@@ -14,7 +13,7 @@ from commission.plan import FACING_RAD, LEAST_BACK_M, RETURN_M_S, SLOW_RAD_S, Dr
 from commission.wall import Wall
 from commission.watch import Watch
 from passport import cells
-from passport.cells import SIDE_M, Bases, Fault, Plan
+from passport.cells import SIDE_M, STOP_LIMIT_S, Bases, Fault, Plan
 from passport.injection import InjectionError, Injector, Operator
 from passport.record import speed_in_words
 from teleop.path.course import Pose, seen_from, wrap
@@ -23,8 +22,6 @@ from teleop.pilots.pilot import NEUTRAL, Velocity
 from wire.reasons import StopReason
 from wire.standstill import STILL_M_S, is_still
 
-STOP_LIMIT_S = 3.0
-"""A robot that still moves this long after it should stand does not stop."""
 RETURN_LIMIT_S = 20.0
 """For the supervisor and its streams, after a fault is lifted."""
 ARM_LIMIT_S = 5.0
@@ -186,7 +183,12 @@ class Rounds:
             raise SurpriseError(problem)
         try:
             await self._start_operator(with_link=plan.fault is Fault.LINK_CUT)
-            return await self._drive(plan)
+            try:
+                return await self._drive(plan)
+            except SurpriseError:
+                if not plan.with_lifeline:  # a base may keep the last command of a program that was killed
+                    await self._latch()
+                raise
         except InjectionError as error:
             raise SurpriseError(str(error)) from error
         finally:
@@ -194,14 +196,8 @@ class Rounds:
             await self._operator.end()
 
     async def _start_operator(self, *, with_link: bool) -> None:
-        starting = asyncio.ensure_future(self._operator.start(with_link=with_link))
-        try:
-            while not starting.done():
-                await self._driver.beat()
-                self._check_key()
-            starting.result()
-        finally:
-            starting.cancel()
+        await self._driver.during(self._operator.start(with_link=with_link))
+        self._check_key()
         end_s = self._driver.now_s + ARM_LIMIT_S
         while (missing := self._missing()) is not None:
             self._operator.request(NEUTRAL)
@@ -316,12 +312,20 @@ class Rounds:
 
     async def _stop_it(self, seen: Seen) -> Seen:
         self._operator.request(NEUTRAL)
-        self._injector.press_estop()
         self._person.say(
             "The robot did not stop. The e-stop of Lifeline is pressed: if it still moves, press its own."
         )
+        await self._latch()
         await self._driver.wait(STANDS_S)
         return seen._replace(rest_s=self._driver.now_s)
+
+    async def _latch(self) -> None:
+        """Press the e-stop, also if it is latched, until the status shows it."""
+        end_s = self._driver.now_s + STOP_LIMIT_S
+        self._injector.press_estop()
+        while not self.is_estop_latched and self._driver.now_s < end_s:
+            await self._driver.beat()
+            self._injector.press_estop()
 
     async def _at_rest(self, plan: Plan, seen: Seen) -> Seen:
         """Wait until the robot was seen at rest; return the run with this time. Stop a robot that continues to move.

@@ -131,10 +131,11 @@ def not_shown(passport: Passport) -> Iterator[str]:
     yield from passport.not_tested
     for cell in passport.cells:
         if cell.refused is not None:
-            yield f"{cell.fault} at {cell.speed}, load {cell.load_percent} %: {cell.refused}"
+            yield f"{cell.name} at {cell.speed}, load {cell.load_percent} %: {cell.refused}"
     spoken = _spoken_of(passport)
     runs = min((len(cell.runs) for cell in spoken), default=0)
-    if runs and all(run.stopped for cell in passport.cells for run in cell.runs):
+    alike = (cell for cell in passport.cells if spoken and cell.with_lifeline == spoken[0].with_lifeline)
+    if runs and all(run.stopped for cell in alike for run in cell.runs):
         yield (
             f"how often a fault has no stop: none in {_runs(runs)} means at most {rounded_up(100 * upper_rate(runs), 1)} % (95 %)"
         )

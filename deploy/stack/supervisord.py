@@ -40,6 +40,8 @@ OPTIONS = {"processes": "-u", "file descriptors": "-n"}
 START_LIMIT_S = 20.0
 FETCH_LIMIT_S = 180.0
 ANSWER_LIMIT_S = 3.0
+DO_NOT_WAIT = False
+"""The argument `wait` of supervisord's calls."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,11 +183,11 @@ class _UnixTransport(xmlrpc.client.Transport):
         return connection
 
 
-def _ask(state: StateDir, method: str) -> Any:  # noqa: ANN401 - whatever the method answers
+def _ask(state: StateDir, method: str, *arguments: str | bool) -> Any:  # noqa: ANN401 - whatever the method answers
     """Call a method; return None if supervisord does not answer."""
     with xmlrpc.client.ServerProxy("http://localhost/RPC2", transport=_UnixTransport(state.socket)) as server:
         try:
-            return getattr(server, method)()
+            return getattr(server, method)(*arguments)
         except (OSError, http.client.HTTPException, xmlrpc.client.Error, ExpatError):
             return None
 
@@ -201,6 +203,16 @@ def programs(state: StateDir) -> list[Program] | None:
 def hangs(state: StateDir) -> list[tuple[str, str]]:
     """Return when a program hung and was ended since supervisord started, and which one; empty if there is no log."""
     return HUNG.findall(state.end_of_log("supervisord").rpartition(BEGIN_OF_LOG)[2])
+
+
+def stop_program(state: StateDir, name: str) -> bool:
+    """Ask supervisord to stop a program and not to start it again; return whether it does."""
+    return _ask(state, "supervisor.stopProcess", name, DO_NOT_WAIT) is True
+
+
+def start_program(state: StateDir, name: str) -> bool:
+    """Ask supervisord to start a program that is stopped; return whether it does."""
+    return _ask(state, "supervisor.startProcess", name, DO_NOT_WAIT) is True
 
 
 def shutdown(state: StateDir) -> bool:

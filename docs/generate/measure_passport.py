@@ -37,7 +37,8 @@ MOST_REPEATS = 20
 """Of one run. A busy machine stops the robot; a person then repeats the run."""
 BUNDLE_S = 86400.0
 BRAKING_M_S2, SPEED_M_S = 1.5, 0.5
-HALL = "[hall]\nsize_m = [12.0, 10.0]\n\n[start]\nx_m = 2.0\n"
+HALL = "[hall]\nsize_m = [16.0, 16.0]\n\n[start]\nx_m = 2.0\n"
+"""Without Lifeline, a robot that does not stop needs this room."""
 START_X_M = 2.0
 """Of the ROS 2 robot: 4 m from a wall, as in the hall."""
 DEMO_FILE = f"""\
@@ -71,6 +72,7 @@ QUESTIONS = {
     r"Type yes if it agrees\.": "yes",
     r"Type what the floor is": "simulated",
     r"Type go to drive": "go",
+    r"Type without to drive": "without",
     r"Type the mass": "0 kg",
     r"Type again to repeat": "again",
     r"Type reset to reset": "reset",
@@ -111,8 +113,9 @@ class Site:
         self, directory: Path, endpoint: str, robot: str = DEMO_FILE, name: str = "simulated.toml"
     ) -> None:
         self.file, self.out = directory / name, directory / "passport.json"
+        self.state = directory / "state"
         self.endpoint = endpoint
-        self._options = ("--endpoint", endpoint, "--state-dir", str(directory / "state"))
+        self._options = ("--endpoint", endpoint, "--state-dir", str(self.state))
         self.file.write_text(robot)
         (directory / "hall.toml").write_text(HALL)
 
@@ -129,11 +132,12 @@ class Site:
     def down(self) -> None:
         run("down", *self._options[2:])
 
-    def measure(self, *faults: str, runs: int = 1) -> "pexpect.spawn[str]":
+    def measure(self, *faults: str, runs: int = 1, without: bool = False) -> "pexpect.spawn[str]":
         named = [word for fault in faults for word in ("--fault", fault)]
         command = lifeline(
             "passport", "measure", str(self.file), *self._options, *named,
             "--out", str(self.out), "--load", "0", "--runs", str(runs),
+            *(["--without"] if without else []),
         )  # fmt: skip
         return pexpect.spawn(command[0], command[1:], dimensions=(50, 200), encoding="utf-8")
 
@@ -222,15 +226,8 @@ def measure(robot: str, runs: int, faults: Sequence[str]) -> str:
     record = FOLDER / f"{robot}.json"
     with ROBOTS[robot]() as one:
         one.out = record
-        terminal = one.measure(*faults, runs=runs)
-        try:
-            answer(terminal, say=lambda line: print(line, flush=True))
-        except pexpect.TIMEOUT as error:
-            raise DeployError(f"nothing was asked or shown for a minute: {terminal.before}") from error
-        finally:
-            terminal.close(force=True)
-        if terminal.exitstatus != os.EX_OK:
-            raise DeployError((terminal.before or "").strip())
+        for without in (False, True) if robot == DEMO and not faults else (False,):
+            _conduct(one.measure(*faults, runs=runs, without=without))
     with tempfile.TemporaryDirectory() as folder:
         keys = Path(folder) / "keys"
         init(keys, replace=False)
@@ -239,6 +236,22 @@ def measure(robot: str, runs: int, faults: Sequence[str]) -> str:
         shutil.copyfile(bundle / AUTHORITY, certificate_of(robot))
     record.unlink()
     return f"docs/passports/{page_of(robot).name}: {written.shows}"
+
+
+def _conduct(terminal: "pexpect.spawn[str]") -> None:
+    """Answer as a person until the measurement has ended.
+
+    Raises:
+        DeployError: it was not measured to the end.
+    """
+    try:
+        answer(terminal, say=lambda line: print(line, flush=True))
+    except pexpect.TIMEOUT as error:
+        raise DeployError(f"nothing was asked or shown for a minute: {terminal.before}") from error
+    finally:
+        terminal.close(force=True)
+    if terminal.exitstatus != os.EX_OK:
+        raise DeployError((terminal.before or "").strip())
 
 
 def main() -> int:

@@ -319,6 +319,13 @@ def passport_measure(
             autocompletion=cell_names,
         ),
     ] = None,
+    without: Annotated[
+        bool,
+        typer.Option(
+            "--without",
+            help="Measure the robot without Lifeline: the operator's program commands the base, and only an e-stop stops it.",
+        ),
+    ] = False,
     lidar: Annotated[
         str | None, option("--lidar", "NAME", "Lidar that sees the wall. Default: the first.")
     ] = None,
@@ -344,7 +351,7 @@ def passport_measure(
     state = StateDir.choose(state_dir)
     launch = Launch.find(state, file, endpoint, keys_dir)
     loads = tuple(dict.fromkeys(load or LOADS_PERCENT))
-    orders = Orders(source, lidar, out, runs, loads, faults_named(fault or ()))
+    orders = Orders(source, lidar, out, runs, loads, faults_named(fault or ()), not without)
     measure(file, launch, state, Launch.running(state), orders)
 
 

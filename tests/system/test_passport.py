@@ -7,7 +7,8 @@ from collections.abc import Generator
 import pexpect
 import pytest
 
-from docs.generate.measure_passport import BRAKING_M_S2, PATIENCE_S, SPEED_M_S, Site, answer, run
+from deploy.stack import processes
+from docs.generate.measure_passport import BRAKING_M_S2, DEMO_FILE, PATIENCE_S, SPEED_M_S, Site, answer, run
 from docs.generate.measure_passport import site as new_site
 from tests.system.ports import free_endpoint
 from tests.system.test_record import say
@@ -17,6 +18,8 @@ from wire.zenoh.bus import BusConfig, open_bus
 
 LATE_M = 0.25
 """On a busy machine, a fault is detected late; a robot that brakes later than this has not been stopped by it."""
+BASE_TIMEOUT_S, PERIOD_S = 0.5, 0.05
+"""Of a base that lets a command count for long; period of the operator's commands."""
 REST_S = 3.0
 """Braking takes a third of a second."""
 
@@ -25,6 +28,15 @@ REST_S = 3.0
 def site() -> Generator[Site]:
     with new_site(free_endpoint()) as one:
         yield one
+
+
+def measured(terminal: "pexpect.spawn[str]") -> None:
+    """Answer all questions of a measurement that reaches its end."""
+    try:
+        answer(terminal)
+    finally:
+        terminal.close(force=True)
+    assert terminal.exitstatus == 0, terminal.before
 
 
 async def comes_to_rest(site: Site) -> None:
@@ -50,12 +62,7 @@ def test_the_stops_after_three_faults_are_those_of_the_robot_and_a_key_ends_the_
     site: Site,
 ) -> None:
     site.up()
-    terminal = site.measure("operator-killed", "supervisor-killed", "estop")
-    try:
-        answer(terminal)
-    finally:
-        terminal.close(force=True)
-    assert terminal.exitstatus == 0, terminal.before
+    measured(site.measure("operator-killed", "supervisor-killed", "estop"))
     record = site.record()
     assert [one.fault for one in record.cells] == ["operator's program killed", "e-stop", "supervisor killed"]
     brakes_m = SPEED_M_S**2 / (2.0 * BRAKING_M_S2)
@@ -99,3 +106,41 @@ def test_a_fault_that_does_not_exist_is_refused_with_the_names_of_all(site: Site
     refused = run("passport", "measure", str(site.file), "--fault", "fire")
     assert refused.returncode == 2
     assert "'fire' is not a valid Fault; there are: zero, turn, operator-killed" in refused.stderr
+
+
+SLOW_BASE = DEMO_FILE.replace(
+    "[sim]", f"base_timeout_s = {BASE_TIMEOUT_S}\n\n[sim]\ncommand_timeout_s = {BASE_TIMEOUT_S}"
+)
+
+
+@pytest.mark.timed
+@pytest.mark.timeout(600)
+def test_without_lifeline_the_base_alone_stops_the_robot_and_nothing_does_when_the_lidar_is_silent() -> None:
+    with new_site(free_endpoint(), SLOW_BASE) as site:
+        site.up()
+        measured(site.measure("operator-killed"))
+
+        interrupted = site.measure("operator-killed", without=True)
+        answer(interrupted, until=r"operator's program killed: 0\.[2-9]")
+        interrupted.sendintr()
+        interrupted.expect(pexpect.EOF, timeout=PATIENCE_S)
+        interrupted.close(force=True)
+        assert interrupted.exitstatus == 130
+        assert "supervisor" in {one.name for one in processes.of(site.state)}
+        asyncio.run(comes_to_rest(site))
+
+        measured(site.measure("operator-killed", "lidar-silent", without=True))
+        assert "supervisor" in {one.name for one in processes.of(site.state)}
+        before, killed, silent = site.record().cells
+        assert [one.with_lifeline for one in site.record().cells] == [True, False, False]
+        (usual,), (one,) = before.runs, killed.runs
+        say(f"without Lifeline: {one.distance_m} m by the wall, {one.odometry_m} m by odometry, {one.t3_s} s")
+        assert usual.stopped
+        assert one.stopped
+        assert one.distance_m is not None
+        brakes_m = SPEED_M_S**2 / (2.0 * BRAKING_M_S2)
+        on_m = SPEED_M_S * (BASE_TIMEOUT_S - PERIOD_S)
+        assert on_m + brakes_m - 0.02 < one.distance_m < SPEED_M_S * BASE_TIMEOUT_S + brakes_m + LATE_M
+        assert [run.stopped for run in silent.runs] == [False]
+        assert silent.refused == "ended in run 1: the robot did not stop"
+        assert "without Lifeline" not in site.record().not_tested

@@ -38,12 +38,13 @@ def cell(
     load_percent: int = 0,
     refused: str | None = None,
     turn: bool = False,
+    with_lifeline: bool = True,
 ) -> Cell:
     return Cell(
         fault=fault,
         speed_m_s=speed_m_s,
         load_percent=load_percent,
-        with_lifeline=True,
+        with_lifeline=with_lifeline,
         turn=turn,
         refused=refused,
         runs=runs,

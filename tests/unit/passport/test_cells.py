@@ -10,6 +10,7 @@ from deploy.stack.errors import DeployError
 from passport.cells import (
     LATER_S,
     LEAST_DECELERATION_M_S2,
+    STOP_LIMIT_S,
     TURN_STEADY_S,
     WORDS,
     Fault,
@@ -52,6 +53,28 @@ def test_only_a_ros2_robot_has_the_fault_of_its_process_unless_it_is_asked_for()
     assert [*plans(TOP), killed] == list(plans(TOP, has_ros2=True))
     assert list(plans(TOP, [Fault.ROS2_KILLED])) == [killed]
     assert killed.fault.takes_recorder
+
+
+def test_without_lifeline_its_own_faults_and_stops_are_left_out() -> None:
+    found = list(plans(TOP, with_lifeline=False))
+    assert [one.fault for one in found[3:]] == [
+        Fault.TURN,
+        Fault.OPERATOR_KILLED,
+        Fault.OPERATOR_STOPPED,
+        Fault.LINK_CUT,
+        Fault.LIDAR_SILENT,
+        Fault.ODOMETRY_SILENT,
+    ]
+    assert str(found[0]) == "plain zero without Lifeline at 0.264 m/s"
+
+
+def test_without_lifeline_a_cell_also_needs_the_way_of_a_robot_that_does_not_stop() -> None:
+    usual, alone = Plan(Fault.ZERO, 1.0), Plan(Fault.ZERO, 1.0, with_lifeline=False)
+    assert needs_m(alone, BASE) == pytest.approx(needs_m(usual, BASE) + standing_s(alone, BASE))
+    blind = Plan(Fault.LIDAR_SILENT, 1.0, with_lifeline=False)
+    assert needs_m(blind, BASE) == pytest.approx(needs_m(alone, BASE) + STOP_LIMIT_S)
+    turn = Plan(Fault.TURN, 1.0, with_lifeline=False)
+    assert needs_m(turn, BASE) == MARGIN_M
 
 
 def test_each_fault_has_words_of_its_own() -> None:

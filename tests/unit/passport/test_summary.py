@@ -99,7 +99,7 @@ def test_a_turn_or_a_slow_run_without_a_stop_is_the_sentence_too() -> None:
 
 
 def test_a_run_without_a_stop_and_without_lifeline_is_named_so() -> None:
-    alone = cell(KILLED, run(stopped=False)).model_copy(update={"with_lifeline": False})
+    alone = cell(KILLED, run(stopped=False), with_lifeline=False)
     assert sentence(record(alone)).startswith("Without Lifeline, this robot DID NOT STOP")
 
 
@@ -125,12 +125,12 @@ def test_a_record_without_runs_shows_nothing() -> None:
 
 
 def test_a_measurement_without_lifeline_is_named() -> None:
-    without = cell(KILLED, run()).model_copy(update={"with_lifeline": False})
+    without = cell(KILLED, run(), with_lifeline=False)
     assert "After the one fault tested without Lifeline" in sentence(record(without))
 
 
 def test_the_sentence_does_not_mix_runs_with_and_without_lifeline() -> None:
-    without = cell(KILLED, run(0.9)).model_copy(update={"with_lifeline": False})
+    without = cell(KILLED, run(0.9), with_lifeline=False)
     for cells in ((without, cell(KILLED, run(0.3))), (cell(KILLED, run(0.3)), without)):
         found = sentence(record(*cells))
         assert found.startswith("After the one fault tested, at")
@@ -148,6 +148,13 @@ def test_what_was_refused_or_never_tested_is_listed() -> None:
     assert list(not_shown(record(cell("e-stop", run()))))[-1].endswith(
         "none in 1 run means at most 95.0 % (95 %)"
     )
+
+
+def test_a_robot_that_does_not_stop_without_lifeline_changes_nothing_of_what_is_said_with_it() -> None:
+    alone = cell(KILLED, run(stopped=False), with_lifeline=False, refused="ended in run 1")
+    found = list(not_shown(record(cell(KILLED, *[run()] * 59), alone)))
+    assert f"{KILLED}, without Lifeline at 0.8 m/s, load 0 %: ended in run 1" in found
+    assert found[-1] == "how often a fault has no stop: none in 59 runs means at most 5.0 % (95 %)"
 
 
 def test_no_limit_of_the_sentence_is_rounded_down() -> None:

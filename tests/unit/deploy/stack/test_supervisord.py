@@ -13,11 +13,15 @@ from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir
 
 
-def test_one_that_does_not_answer_has_no_programs_and_leaves_no_socket_open(tmp_path: Path) -> None:
+def test_one_that_does_not_answer_has_no_programs_starts_none_and_leaves_no_socket_open(
+    tmp_path: Path,
+) -> None:
     state = StateDir(tmp_path)
     with socket.socket(socket.AF_UNIX) as dead:
         dead.bind(str(state.socket))
     assert supervisord.programs(state) is None
+    assert not supervisord.stop_program(state, "supervisor")
+    assert not supervisord.start_program(state, "supervisor")
     gc.collect()  # collecting an open socket raises a warning, which fails the test
 
 
