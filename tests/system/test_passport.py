@@ -12,11 +12,13 @@ from typing import Any
 import pexpect
 import pytest
 
+from passport.cells import Fault
 from passport.record import Passport, from_json
 from tests.system.ports import free_endpoint
 from tests.system.test_record import lifeline, say
 from wire import topics
 from wire.standstill import STILL_M_S
+from wire.tls import LEASE_S
 from wire.zenoh.bus import BusConfig, open_bus
 
 PATIENCE_S = 60.0
@@ -25,6 +27,8 @@ MOST_REPEATS = 20
 BRAKING_M_S2, SPEED_M_S = 1.5, 0.5
 LATE_M = 0.25
 """On a busy machine, a fault is detected late; a robot that brakes later than this has not been stopped by it."""
+UNHEARD = Fault.LINK_CUT_DOWN.words
+"""The robot drives on until the operator's program ends its link."""
 REST_S = 3.0
 """Braking takes a third of a second."""
 HALL = "[hall]\nsize_m = [12.0, 10.0]\n\n[start]\nx_m = 2.0\n"
@@ -135,18 +139,23 @@ async def comes_to_rest(site: Site) -> None:
 
 @pytest.mark.timed
 @pytest.mark.timeout(600)
-def test_the_stops_after_three_faults_are_those_of_the_robot_and_a_key_ends_the_next_drive(
+def test_the_stops_after_four_faults_are_those_of_the_robot_and_a_key_ends_the_next_drive(
     site: Site,
 ) -> None:
     site.up()
-    terminal = site.measure("operator-killed", "supervisor-killed", "estop")
+    terminal = site.measure("operator-killed", "link-cut-down", "supervisor-killed", "estop")
     try:
         answer(terminal)
     finally:
         terminal.close(force=True)
     assert terminal.exitstatus == 0, terminal.before
     record = site.record()
-    assert [one.fault for one in record.cells] == ["operator's program killed", "e-stop", "supervisor killed"]
+    assert [one.fault for one in record.cells] == [
+        "operator's program killed",
+        UNHEARD,
+        "e-stop",
+        "supervisor killed",
+    ]
     brakes_m = SPEED_M_S**2 / (2.0 * BRAKING_M_S2)
     for cell in record.cells:
         (one,) = cell.runs
@@ -155,7 +164,8 @@ def test_the_stops_after_three_faults_are_those_of_the_robot_and_a_key_ends_the_
         assert one.v0_m_s == pytest.approx(SPEED_M_S, rel=0.05)
         assert one.distance_m is not None
         assert one.odometry_m is not None
-        assert brakes_m - 0.02 < one.distance_m < brakes_m + LATE_M
+        drives_on_m = SPEED_M_S * LEASE_S if cell.fault == UNHEARD else 0.0
+        assert brakes_m - 0.02 < one.distance_m < brakes_m + drives_on_m + LATE_M
         assert one.distance_m == pytest.approx(one.odometry_m, abs=0.02)
         is_seen = cell.fault != "supervisor killed"
         assert (one.t3_s is not None, bool(one.trace)) == (is_seen, is_seen)
@@ -174,7 +184,7 @@ def test_the_stops_after_three_faults_are_those_of_the_robot_and_a_key_ends_the_
     assert terminal.exitstatus == 1
     assert re.search("aborted: a key was pressed. The runs until now are in", terminal.before or "")
     asyncio.run(comes_to_rest(site))
-    assert [len(one.runs) for one in site.record().cells] == [1, 1, 1]
+    assert [len(one.runs) for one in site.record().cells] == [1, 1, 1, 1]
 
 
 def test_without_a_terminal_nothing_moves_and_it_says_why(site: Site) -> None:
