@@ -21,10 +21,11 @@ from teleop.path.course import Pose
 from teleop.path.permit import what_is_missing, what_stops
 from teleop.pilots.pilot import NEUTRAL, Velocity
 from teleop.rate import Rate
-from wire import topics
+from wire import cdr, topics
 from wire.bus import Bus, wait_until
 from wire.messages import Odometry, SafetyStatus, planar_twist
 from wire.reasons import StopReason
+from wire.stamp import Stamp
 from wire.standstill import is_still
 
 RATE_HZ = 20.0
@@ -169,7 +170,7 @@ class Driver:
         """Take what has arrived; return why a drive must end, or None."""
         for odometry in self._odometry.take():
             if odometry.message is not None:
-                self._hear_odometry(odometry.message, odometry.arrival_s)
+                self._hear_odometry(odometry.message, odometry.arrival_s, odometry.stamp)
         for command in self._commands.take():
             if (twist := command.message) is not None:
                 is_zero = twist.linear.x == 0.0 and twist.angular.z == 0.0
@@ -182,10 +183,13 @@ class Driver:
         reasons = [self._hear_status(s.message, s.arrival_s) for s in self._statuses.take() if s.message]
         return next(filter(None, reasons), None)
 
-    def _hear_odometry(self, message: Odometry, arrival_s: float) -> None:
+    def _hear_odometry(self, message: Odometry, arrival_s: float, stamp: Stamp | None) -> None:
         pose, twist = Pose.of(message), message.twist.twist
         if pose.is_finite and math.isfinite(twist.linear.x) and math.isfinite(twist.angular.z):
-            self.trace.odometry.append(Odom(arrival_s, pose, twist.linear.x, twist.angular.z))
+            header = message.header.stamp
+            sent_ns = cdr.ns_of(header.sec, header.nanosec) if stamp is None else stamp.source_time_ns
+            sent_s = sent_ns * 1e-9 if sent_ns else arrival_s
+            self.trace.odometry.append(Odom(arrival_s, pose, twist.linear.x, twist.angular.z, sent_s))
 
     def _hear_status(self, status: SafetyStatus, arrival_s: float) -> str | None:
         self._status, self._status_s = status, arrival_s

@@ -25,6 +25,8 @@ class Odom(NamedTuple):
     pose: Pose
     linear_m_s: float
     angular_rad_s: float
+    sent_s: float
+    """By the clock of its sender; if it has no stamp, its arrival."""
 
 
 class Scan(NamedTuple):

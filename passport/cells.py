@@ -21,6 +21,8 @@ class Fault(StrEnum):
     OPERATOR_KILLED = "operator-killed"
     OPERATOR_STOPPED = "operator-stopped"
     LINK_CUT = "link-cut"
+    LINK_CUT_UP = "link-cut-up"
+    LINK_CUT_DOWN = "link-cut-down"
     LIDAR_SILENT = "lidar-silent"
     ODOMETRY_SILENT = "odometry-silent"
     ESTOP = "estop"
@@ -44,6 +46,8 @@ WORDS = {
     Fault.OPERATOR_KILLED: "operator's program killed",
     Fault.OPERATOR_STOPPED: "operator's program stopped",
     Fault.LINK_CUT: "operator's link cut",
+    Fault.LINK_CUT_UP: "operator's link cut toward the robot",
+    Fault.LINK_CUT_DOWN: "operator's link cut from the robot",
     Fault.LIDAR_SILENT: "lidar silent",
     Fault.ODOMETRY_SILENT: "odometry silent",
     Fault.ESTOP: "e-stop",
@@ -54,10 +58,7 @@ WORDS = {
 SHARES = (0.33, 0.66, 1.0)
 """Of the top speed, for the plain zero; a fault is injected at the top speed only."""
 LOADS_PERCENT = (0, 100)
-NOT_TESTED = (
-    "the operator's link cut in one direction only",
-    WITHOUT,
-)
+NOT_TESTED = (WITHOUT,)
 OF_LIFELINE = {Fault.ESTOP, *(one for one in Fault if one.takes_recorder)}
 """These need Lifeline: they are not measured without it."""
 
@@ -124,16 +125,25 @@ class Bases(NamedTuple):
     straight: Base
     turning: Base
     """On the spot; each m means rad."""
+    unheard: Base
+    """Straight, while the operator's program does not hear the supervisor: only the end of its link stops the robot."""
 
     def of(self, plan: Plan) -> Base:
+        if plan.fault is Fault.LINK_CUT_DOWN:
+            return self.unheard
         return self.turning if plan.is_turn else self.straight
 
 
-def trusted_bases(config: SupervisorSection, measured: MeasuredSection | None) -> Bases:
+def trusted_bases(config: SupervisorSection, measured: MeasuredSection | None, lease_s: float) -> Bases:
     """Return what is assumed of the base: the configured numbers, or the limits that were measured if they are worse.
 
     The reaction time includes the longest time until any fault is detected. In a turn, the outermost point of the hull is assumed to decelerate
     as much as the hull does when it drives straight.
+
+    Args:
+        config: of the supervisor.
+        measured: what was measured; None: nothing.
+        lease_s: after this silence, the operator's program ends its link.
     """
     deceleration_m_s2, dead_s = config.deceleration_m_s2, config.base_dead_time_s
     timeout_s = config.base_timeout_s
@@ -150,12 +160,14 @@ def trusted_bases(config: SupervisorSection, measured: MeasuredSection | None) -
         config.odom_timeout_s,
         *(config.scan_timeout_of(lidar) for lidar in config.all_lidars()),
     )
-    reaction_s = detected_s + dead_s + config.transport_s
+    later_s = dead_s + config.transport_s
+    reaction_s = detected_s + later_s
     deceleration_m_s2 = max(LEAST_DECELERATION_M_S2, deceleration_m_s2)
     deceleration_rad_s2 = deceleration_m_s2 / config.footprint.hull().radius_m
     return Bases(
         Base(config.base_acceleration_m_s2, deceleration_m_s2, reaction_s),
         Base(config.base_angular_acceleration_rad_s2, deceleration_rad_s2, reaction_s),
+        Base(config.base_acceleration_m_s2, deceleration_m_s2, max(detected_s, lease_s) + later_s),
     )
 
 
@@ -198,6 +210,11 @@ def problem(plan: Plan, base: Base, ahead_m: float) -> str | None:
 def standing_s(plan: Plan, base: Base) -> float:
     """Return the time from the fault after which the base stands [s], also if its numbers are a little worse."""
     return base.reaction_s + plan.speed / base.deceleration_m_s2 + LATER_S
+
+
+def standing_m(plan: Plan, base: Base) -> float:
+    """Return the longest distance from the fault of a base that stands after `standing_s` [m]: it brakes at the latest time that permits this."""
+    return plan.speed * LATER_S + base.stop_m(plan.speed)
 
 
 LATER_S = 0.3

@@ -21,6 +21,12 @@ SENSORS = {Fault.LIDAR_SILENT: "silent", Fault.ODOMETRY_SILENT: "no_odom"}
 """The fault for the service of the simulated robot."""
 
 
+CUTS = {Fault.LINK_CUT: "up down", Fault.LINK_CUT_UP: "up", Fault.LINK_CUT_DOWN: "down"}
+"""The order to the operator's link."""
+SIGNALS = {Fault.OPERATOR_KILLED: signal.SIGKILL, Fault.OPERATOR_STOPPED: signal.SIGSTOP}
+"""For the operator's program."""
+
+
 class InjectionError(Exception):
     """The fault cannot be injected or lifted; the message says why."""
 
@@ -65,9 +71,12 @@ class Operator:
 
     def hit(self, fault: Fault) -> None:
         """Kill it, stop it, or cut its link."""
-        struck = self._link if fault is Fault.LINK_CUT else self._program
-        assert struck is not None
-        struck.send(signal.SIGKILL if fault is Fault.OPERATOR_KILLED else signal.SIGSTOP)
+        assert self._program is not None
+        if fault in SIGNALS:
+            self._program.send(SIGNALS[fault])
+        else:
+            assert self._link is not None
+            self._link.order(CUTS[fault])
         self._is_out_of_reach = True
 
     async def end(self) -> None:
@@ -111,7 +120,7 @@ class Injector:
 
     async def refusal(self, fault: Fault) -> str | None:
         """Return why this fault cannot be injected from here; None if it can."""
-        if fault is Fault.LINK_CUT and socket_of(self._launch.bus.endpoint) is None:
+        if fault in CUTS and socket_of(self._launch.bus.endpoint) is None:
             return "the link has certificates, and only a link on this computer can be cut: pull its cable by hand"
         if fault.takes_recorder:
             struck = topics.ROS2 if fault is Fault.ROS2_KILLED else topics.SUPERVISOR
@@ -136,8 +145,6 @@ class Injector:
         match fault:
             case Fault.ZERO | Fault.TURN:
                 self._operator.request(NEUTRAL)
-            case Fault.OPERATOR_KILLED | Fault.OPERATOR_STOPPED | Fault.LINK_CUT:
-                self._operator.hit(fault)
             case Fault.SUPERVISOR_KILLED:
                 now_s = self._signal((topics.SUPERVISOR, signal.SIGKILL))
             case Fault.SUPERVISOR_STOPPED:
@@ -148,6 +155,8 @@ class Injector:
                 await self._sensors(SENSORS[fault])
             case Fault.ESTOP:
                 self.press_estop()
+            case _:
+                self._operator.hit(fault)
         return now_s
 
     async def lift(self, fault: Fault) -> None:

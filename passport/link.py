@@ -1,7 +1,7 @@
-"""`python -m passport.link SOCKET PID`: the operator's link, which carries bytes to the hub until this process is stopped.
+"""`python -m passport.link SOCKET PID`: the operator's link to the hub, of which each direction can be cut.
 
-It prints the port at which it listens on the loopback interface. While it is stopped, data waits in the buffers of the kernel, as behind a
-cable that is pulled, and no connection ends.
+It prints the port at which it listens on the loopback interface. A line of its stdin names the directions to cut: `up`, toward the hub, and `down`.
+What is sent in a direction that is cut waits in buffers, as behind a cable that is pulled; not even the end of a connection passes. It ends with its stdin.
 """
 
 import asyncio
@@ -14,6 +14,16 @@ CHUNK_BYTES = 1 << 16
 
 
 async def _main(hub: str) -> None:
+    cut = set[str]()
+
+    async def carry(direction: str, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with suppress(OSError):  # one side is gone
+            while (data := await reader.read(CHUNK_BYTES)) and direction not in cut:
+                writer.write(data)
+                await writer.drain()
+        if direction in cut:
+            await asyncio.Event().wait()
+
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:
             hub_reader, hub_writer = await asyncio.open_unix_connection(hub)
@@ -21,24 +31,19 @@ async def _main(hub: str) -> None:
             writer.close()
             return
         carrying = {
-            asyncio.ensure_future(_carry(reader, hub_writer)),
-            asyncio.ensure_future(_carry(hub_reader, writer)),
+            asyncio.ensure_future(carry("up", reader, hub_writer)),
+            asyncio.ensure_future(carry("down", hub_reader, writer)),
         }
-        await asyncio.wait(carrying, return_when=asyncio.FIRST_COMPLETED)
+        _, others = await asyncio.wait(carrying, return_when=asyncio.FIRST_COMPLETED)
         for side in (writer, hub_writer):
             side.transport.abort()
-        await asyncio.gather(*carrying)
+        for other in others:
+            other.cancel()
 
     server = await asyncio.start_server(serve, "127.0.0.1", 0)
     print(server.sockets[0].getsockname()[1], flush=True)
-    await asyncio.to_thread(sys.stdin.read)
-
-
-async def _carry(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    with suppress(OSError):  # one side is gone
-        while data := await reader.read(CHUNK_BYTES):
-            writer.write(data)
-            await writer.drain()
+    while line := await asyncio.to_thread(sys.stdin.readline):
+        cut.update(line.split())
 
 
 if __name__ == "__main__":

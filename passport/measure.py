@@ -162,7 +162,7 @@ class Measurement:
         self._without = without
         self._person, self._robot, self._orders = person, robot, orders
         self._say = person.say
-        self._bases = cells.trusted_bases(robot.config, robot.measured)
+        self._bases = cells.trusted_bases(robot.config, robot.measured, robot.launch.bus.lease_s)
         hull_m = robot.config.footprint.hull().radius_m
         self._driver = Driver(bus, orders.source, robot.lidar, hull_m, person)
         self._injector = Injector(bus, robot.launch, state, operator)

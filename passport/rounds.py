@@ -14,7 +14,7 @@ from commission.wall import Wall
 from commission.watch import Watch
 from passport import cells
 from passport.cells import SIDE_M, STOP_LIMIT_S, Bases, Fault, Plan
-from passport.injection import InjectionError, Injector, Operator
+from passport.injection import CUTS, InjectionError, Injector, Operator
 from passport.record import speed_in_words
 from teleop.path.course import Pose, seen_from, wrap
 from teleop.path.permit import what_is_missing
@@ -182,7 +182,7 @@ class Rounds:
         if problem is not None:
             raise SurpriseError(problem)
         try:
-            await self._start_operator(with_link=plan.fault is Fault.LINK_CUT)
+            await self._start_operator(with_link=plan.fault in CUTS)
             try:
                 return await self._drive(plan)
             except SurpriseError:
@@ -241,9 +241,7 @@ class Rounds:
         if plan.fault in UNSEEN:
             await self.all_heard()
             await self._find_wall()
-        if plan.fault is Fault.ROS2_KILLED and not self._stood(
-            fault_s + cells.standing_s(plan, self._bases.of(plan))
-        ):
+        if plan.fault.takes_recorder and not self._stood(plan, seen):
             return await self._stop_it(seen)
         return await self._at_rest(plan, seen)
 
@@ -288,10 +286,21 @@ class Rounds:
         if (key := self._driver.key()) is not None:
             raise SurpriseError(key)
 
-    def _stood(self, at_s: float) -> bool:
-        """Return whether the first odometry after a time shows the robot at rest."""
-        first = next((one for one in self._driver.trace.odometry if one.at_s > at_s), None)
-        return first is not None and is_still(first.linear_m_s, first.angular_rad_s)
+    def _stood(self, plan: Plan, seen: Seen) -> bool:
+        """Return whether the base stood when it had to, after a fault during which nothing was recorded.
+
+        The first odometry that was sent after that time shows it. What arrives first may have waited in buffers, so the clock of its sender counts; its
+        difference to the recorder's is that of the shortest delay before the fault. The robot must be at rest, and no farther away than a base that stood in
+        time: the process that is back stops one that drove on, before any odometry arrives.
+        """
+        base, odometry = self._bases.of(plan), self._driver.trace.odometry
+        before = [one for one in odometry if seen.start_s <= one.at_s <= seen.fault_s]
+        apart_s = min((one.at_s - one.sent_s for one in before), default=math.nan)
+        stands_s = seen.fault_s + cells.standing_s(plan, base)
+        first = next((one for one in odometry if one.sent_s + apart_s > stands_s), None)
+        if first is None or not is_still(first.linear_m_s, first.angular_rad_s):
+            return False
+        return math.dist(before[-1].pose[:2], first.pose[:2]) <= cells.standing_m(plan, base)
 
     def _stands(self) -> bool:
         """Return whether odometry, or the wall while odometry is silent, has shown a standing robot for `STANDS_S`.

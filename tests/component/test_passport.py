@@ -105,7 +105,7 @@ class Site:
         bus, person = self.rig.network.open_joined("path"), ScriptedPerson(answers, self.said)
         orders = Orders("path", None, self.out, 1, (0,), faults)
         operator = VirtualOperator(self.rig, self.robot.launch)
-        measurement = Measurement(bus, person, operator, self.robot, self.state, orders)
+        measurement = Measurement(bus, person, operator, self.robot, self.state, orders, None)
         try:
             return await measurement.run(asyncio.Event())
         finally:

@@ -36,7 +36,7 @@ def test_the_wall_is_followed_through_a_turn_also_of_a_mirrored_lidar() -> None:
         yaw_rad = at_s = 0.0
         for step in range(40):
             yaw_rad, at_s = 0.015 * step, 0.05 * step
-            trace.odometry.append(Odom(at_s, Pose(0.0, 0.0, yaw_rad), 0.0, 0.3))
+            trace.odometry.append(Odom(at_s, Pose(0.0, 0.0, yaw_rad), 0.0, 0.3, at_s))
             trace.add_scan(scan(lidar, LawPose(1.0, 0.0, yaw_rad), at_s))
         wall = trace.wall(at_s)
         assert wall is not None
@@ -83,7 +83,7 @@ def test_a_scan_of_very_many_beams_is_read_too() -> None:
 
 def test_the_way_ahead_is_along_the_heading_at_the_start() -> None:
     trace = Trace(Mount())
-    trace.odometry.append(Odom(1.0, Pose(1.0, 2.5, 0.0), 0.2, 0.0))
+    trace.odometry.append(Odom(1.0, Pose(1.0, 2.5, 0.0), 0.2, 0.0, 1.0))
     assert trace.toward(START).tolist() == [[1.0, pytest.approx(0.5), 0.2]]
 
 
@@ -93,7 +93,7 @@ def test_a_turn_of_more_than_half_a_circle_has_no_jump() -> None:
     assert trace.bearings().shape == (0, 2)
     for step in range(5):
         yaw_rad = math.remainder(START.yaw_rad + step, math.tau)
-        trace.odometry.append(Odom(float(step), Pose(0.0, 0.0, yaw_rad), 0.0, 1.0))
+        trace.odometry.append(Odom(float(step), Pose(0.0, 0.0, yaw_rad), 0.0, 1.0, float(step)))
         wall = Wall(3.0, math.remainder(0.3 - step, math.tau), 4.0)
         trace.scans.append(Scan(float(step), np.empty(0), wall))
     trace.scans.append(Scan(5.0, np.empty(0), None))
@@ -105,7 +105,7 @@ def test_a_turn_of_more_than_half_a_circle_has_no_jump() -> None:
 
 
 def odom(ahead_m: float = 0.0, turned_rad: float = 0.0) -> Odom:
-    return Odom(0.0, Pose(START.x_m, START.y_m + ahead_m, START.yaw_rad + turned_rad), 0.0, 0.0)
+    return Odom(0.0, Pose(START.x_m, START.y_m + ahead_m, START.yaw_rad + turned_rad), 0.0, 0.0, 0.0)
 
 
 def nearer(by_m: float) -> Wall:

@@ -20,6 +20,7 @@ from passport.cells import (
     needs_m,
     plans,
     problem,
+    standing_m,
     standing_s,
     trusted_bases,
 )
@@ -27,6 +28,7 @@ from passport.instrument import instrument
 from supervisor.config import SupervisorSection
 from supervisor.measured import MeasuredSection, MeasuredValue
 from teleop.pilots.pilot import NEUTRAL, Velocity
+from wire.tls import LEASE_S
 
 BASE = Base(0.5, 2.0, 0.3)
 TOP = Velocity(0.8, 2.0)
@@ -62,6 +64,8 @@ def test_without_lifeline_its_own_faults_and_stops_are_left_out() -> None:
         Fault.OPERATOR_KILLED,
         Fault.OPERATOR_STOPPED,
         Fault.LINK_CUT,
+        Fault.LINK_CUT_UP,
+        Fault.LINK_CUT_DOWN,
         Fault.LIDAR_SILENT,
         Fault.ODOMETRY_SILENT,
     ]
@@ -131,7 +135,7 @@ def test_a_plan_knows_what_the_operator_requests_before_and_after_its_fault() ->
 
 
 def test_in_a_turn_the_rim_of_the_hull_is_trusted_as_far_as_its_centre() -> None:
-    bases = trusted_bases(CONFIG, None)
+    bases = trusted_bases(CONFIG, None, LEASE_S)
     turning = bases.of(Plan(Fault.TURN, 1.0))
     assert bases.of(Plan(Fault.ZERO, 1.0)) == bases.straight
     assert turning.acceleration_m_s2 == CONFIG.base_angular_acceleration_rad_s2
@@ -141,26 +145,43 @@ def test_in_a_turn_the_rim_of_the_hull_is_trusted_as_far_as_its_centre() -> None
     assert turning.reaction_s == bases.straight.reaction_s
 
 
+def test_a_base_that_stands_in_time_brakes_at_the_latest_time_that_permits_it() -> None:
+    plan = Plan(Fault.ROS2_KILLED, 1.0)
+    braking_s = 1.0 / BASE.deceleration_m_s2
+    assert standing_m(plan, BASE) == pytest.approx(standing_s(plan, BASE) - braking_s / 2.0)
+
+
+def test_an_operator_that_does_not_hear_the_supervisor_is_stopped_by_the_end_of_its_link() -> None:
+    longest_s = CONFIG.odom_timeout_s
+    for lease_s in (0.0, longest_s, 2.0):
+        bases = trusted_bases(CONFIG, None, lease_s)
+        for fault in (Fault.OPERATOR_KILLED, Fault.LINK_CUT, Fault.LINK_CUT_UP):
+            assert bases.of(Plan(fault, 0.5)) == bases.straight
+        unheard = bases.of(Plan(Fault.LINK_CUT_DOWN, 0.5))
+        later_s = unheard.reaction_s - bases.straight.reaction_s
+        assert later_s == pytest.approx(max(0.0, lease_s - longest_s))
+
+
 def test_the_base_is_trusted_as_far_as_it_is_configured_and_measured() -> None:
-    configured = trusted_bases(CONFIG, None).straight
+    configured = trusted_bases(CONFIG, None, LEASE_S).straight
     assert configured.deceleration_m_s2 == CONFIG.deceleration_m_s2
     assert configured.reaction_s == pytest.approx(CONFIG.odom_timeout_s + CONFIG.transport_s)
-    assert trusted_bases(CONFIG, MeasuredSection()).straight == configured
+    assert trusted_bases(CONFIG, MeasuredSection(), LEASE_S).straight == configured
     better = MeasuredSection(
         deceleration_m_s2=value(2.0, 1.9), dead_time_s=value(0.0, -0.01), base_timeout_s=value(0.1, 0.1)
     )
-    assert trusted_bases(CONFIG, better).straight == configured
+    assert trusted_bases(CONFIG, better, LEASE_S).straight == configured
     worse = MeasuredSection(
         deceleration_m_s2=value(1.0, 0.8), dead_time_s=value(0.1, 0.12), base_timeout_s=value(0.4, 0.5)
     )
-    found = trusted_bases(CONFIG, worse).straight
+    found = trusted_bases(CONFIG, worse, LEASE_S).straight
     assert (found.acceleration_m_s2, found.deceleration_m_s2) == (CONFIG.base_acceleration_m_s2, 0.8)
     assert found.reaction_s == pytest.approx(0.5 + 0.12 + CONFIG.transport_s)
 
 
 def test_a_measured_deceleration_without_meaning_counts_as_the_least() -> None:
     measured = MeasuredSection(deceleration_m_s2=value(1.0, -3.0))
-    assert trusted_bases(CONFIG, measured).straight.deceleration_m_s2 == LEAST_DECELERATION_M_S2
+    assert trusted_bases(CONFIG, measured, LEASE_S).straight.deceleration_m_s2 == LEAST_DECELERATION_M_S2
 
 
 # --- the instrument

@@ -1,6 +1,7 @@
 """What a run requests from the operator's program; the driver and the injector only note the calls."""
 
 import asyncio
+import math
 from typing import Any, cast
 
 import pytest
@@ -10,7 +11,7 @@ from commission.plan import Base, Drive
 from commission.trace import Odom
 from commission.wall import Wall
 from passport import rounds
-from passport.cells import Bases, Fault, Plan
+from passport.cells import Bases, Fault, Plan, standing_m, standing_s
 from passport.injection import InjectionError
 from passport.rounds import Place, Rounds, Seen
 from teleop.path.course import Pose
@@ -33,6 +34,9 @@ class Samples:
 
     def mean_wall(self) -> Wall:
         return WALL
+
+    def forget_wall(self) -> None:
+        pass
 
 
 class Done:
@@ -63,7 +67,7 @@ class Robot:
         self.trace = Samples([self.odom()])
 
     def odom(self) -> Odom:
-        return Odom(self.now_s, POSE, self.speed_m_s, 0.0)
+        return Odom(self.now_s, POSE, self.speed_m_s, 0.0, self.now_s)
 
     async def beat(self) -> None:
         self.now_s += 0.1
@@ -107,15 +111,89 @@ class Robot:
     def key(self) -> None:
         return None
 
+    def silent(self) -> None:
+        return None
+
+    def show(self, _: str) -> None:
+        pass
+
     def say(self, _: str) -> None:
         pass
 
 
 def rounds_of(robot: Robot) -> Rounds:
     same = cast("Any", robot)
-    found = Rounds(same, same, same, same, Bases(BASE, BASE), "teleop")
+    found = Rounds(same, same, same, same, Bases(BASE, BASE, BASE), "teleop")
     found.place = Place(POSE, 5.0)
     return found
+
+
+class Unseen(Robot):
+    """A robot of which nothing arrives during a fault. Then its last odometry of the time before arrives, and 0.5 s later it is seen at rest.
+
+    Args:
+        way_m: how far it has driven since the fault.
+        creeps: whether it then moves.
+        clock_s: the clock of its base less that of the recorder.
+    """
+
+    def __init__(self, way_m: float, *, creeps: bool = False, clock_s: float = 0.0) -> None:
+        self.fault_s, self.lift_s = math.inf, math.inf
+        self.way_m, self.creeps, self.clock_s = way_m, creeps, clock_s
+        super().__init__()
+
+    def odom(self) -> Odom:
+        return super().odom()._replace(sent_s=self.now_s + self.clock_s - 0.01)
+
+    async def beat(self) -> None:
+        self.now_s += 0.1
+        if self.now_s >= self.lift_s + 0.5:
+            rest = self.odom()._replace(linear_m_s=0.02 if self.creeps else 0.0)
+            self.trace.odometry.append(rest._replace(pose=Pose(self.way_m, 0.0, 0.0)))
+
+    async def wait(self, seconds: float) -> None:
+        end_s = self.now_s + seconds
+        while self.now_s < end_s:
+            await self.beat()
+
+    async def begin(self, _: Fault) -> float:
+        self.fault_s = await super().begin(_)
+        return self.fault_s
+
+    async def lift(self, fault: Fault) -> None:
+        await super().lift(fault)
+        self.lift_s = self.now_s
+        late = self.odom()
+        self.trace.odometry.append(late._replace(sent_s=self.fault_s + self.clock_s))
+
+
+@pytest.mark.parametrize("fault", [fault for fault in Fault if fault.takes_recorder])
+@pytest.mark.parametrize("clock_s", [0.0, -40.0, 1e6])
+def test_a_base_stood_during_a_fault_if_it_is_at_rest_no_farther_away_than_one_that_stood_in_time(
+    monkeypatch: pytest.MonkeyPatch, fault: Fault, clock_s: float
+) -> None:
+    monkeypatch.setattr(rounds, "Watch", Done)
+    plan = Plan(fault, 0.8)
+    most_m = standing_m(plan, BASE)
+    stopped = {
+        (way_m, creeps): asyncio.run(
+            rounds_of(Unseen(way_m, creeps=creeps, clock_s=clock_s))._drive(plan)  # pyright: ignore[reportPrivateUsage]
+        ).is_stopped
+        for way_m in (most_m, math.nextafter(most_m, 9.0))
+        for creeps in (False, True)
+    }
+    assert [case for case, is_stopped in stopped.items() if is_stopped] == [(most_m, False)]
+
+
+def test_a_base_that_drives_on_until_the_supervisor_is_back_and_stops_it_has_not_stopped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(rounds, "Watch", Done)
+    plan = Plan(Fault.SUPERVISOR_STOPPED, 0.8)
+    robot = Unseen(plan.speed * standing_s(plan, BASE))
+    assert not asyncio.run(rounds_of(robot)._drive(plan)).is_stopped  # pyright: ignore[reportPrivateUsage]
+    assert robot.presses > 0
+    assert robot.lifted == [(plan.fault, NEUTRAL)]
 
 
 def test_a_robot_that_moves_after_its_fault_was_lifted_is_not_driven_on_but_stopped() -> None:
@@ -140,9 +218,13 @@ def test_a_robot_that_faces_the_wall_is_not_turned() -> None:
 
 
 def test_a_robot_of_which_odometry_says_nothing_after_a_time_has_not_stood() -> None:
-    robot = Robot(speed_m_s=0.0)
-    assert rounds_of(robot)._stood(1.9)  # pyright: ignore[reportPrivateUsage]
-    assert not rounds_of(robot)._stood(2.0)  # pyright: ignore[reportPrivateUsage]
+    robot, plan = Robot(speed_m_s=0.0), Plan(Fault.ROS2_KILLED, 0.8)
+    seen = SEEN._replace(fault_s=2.0)
+    assert not rounds_of(robot)._stood(plan, seen)  # pyright: ignore[reportPrivateUsage]
+    robot.now_s += standing_s(plan, BASE) + 0.1
+    robot.trace.odometry.append(robot.odom())
+    assert rounds_of(robot)._stood(plan, seen)  # pyright: ignore[reportPrivateUsage]
+    assert not rounds_of(robot)._stood(plan, SEEN)  # pyright: ignore[reportPrivateUsage]
 
 
 def test_a_fault_whose_begin_failed_is_lifted_after_zero_was_requested(

@@ -141,7 +141,7 @@ def test_what_was_refused_or_never_tested_is_listed() -> None:
     found = list(
         not_shown(record(cell(KILLED, refused="the wall is too near"), cell("e-stop", *[run()] * 59)))
     )
-    assert "the operator's link cut in one direction only" in found
+    assert "without Lifeline" in found
     assert "operator's program killed at 0.8 m/s, load 0 %: the wall is too near" in found
     assert found[-1] == "how often a fault has no stop: none in 59 runs means at most 5.0 % (95 %)"
     assert not any("how often" in one for one in not_shown(record()))
