@@ -109,14 +109,18 @@ def wheel_of(launch: Launch) -> SourceWheel:
     """Return the command source with which a page drives.
 
     Raises:
-        DeployError: the robot's configuration is not known here, or the certificate may not drive.
+        DeployError: the robot's configuration is not known here, or neither it nor the certificate lets a page drive.
     """
     if ANY_BASE in launch.nodes:
         raise DeployError("--drive needs the robot's configuration: name it with --config")
     check_may_drive(launch.bus)
-    return SourceWheel(
-        launch.section("teleop", TeleopSection).source, _most(launch.section("supervisor", SupervisorSection))
+    config, source = (
+        launch.section("supervisor", SupervisorSection),
+        launch.section("teleop", TeleopSection).source,
     )
+    if source not in (one.name for one in config.sources):
+        raise DeployError(f"--drive: [teleop] source = {source!r} is not in [supervisor] sources: add it")
+    return SourceWheel(source, _most(config))
 
 
 def _most(config: SupervisorSection) -> tuple[float, float]:
