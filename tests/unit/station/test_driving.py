@@ -132,6 +132,15 @@ def test_whatever_happens_motion_has_a_new_picture_and_a_zero_of_the_person_sinc
         assert wheel.newest == ((linear, 0.0) if may_move else ZERO)
 
 
+async def test_a_page_at_the_wheel_commands_and_resets() -> None:
+    wheel = Record()
+    driving = Driving(wheel)
+    assert await driving.take("a") == ""
+    driving.commands().hear(Wanted(0.0, 0.0, 7.0, 1), None, 100.0)
+    assert wheel.sent == [(0.0, 0.0, 100.0)]
+    assert await driving.reset() == ""
+
+
 async def test_one_page_at_a_time_has_the_wheel() -> None:
     wheel = Record()
     driving = Driving(wheel)

@@ -10,11 +10,16 @@ from station.messages import (
     MAX_MESSAGE_BYTES,
     MAX_NUMBER,
     MAX_SECRET,
+    MAX_TIME_S,
     BadMessageError,
+    Wanted,
     is_latched,
     lease,
+    read_drawn,
     read_hello,
     read_lease,
+    read_wanted,
+    told,
     view,
     welcome,
 )
@@ -114,3 +119,42 @@ def test_foreign_text_is_made_printable() -> None:
     newest = status("\x1b[31mRED")
     assert shown(newest)["reasons"] == "?[31mRED"
     assert "\\u001b" not in view("door", "tcp/\x1b[2J", None, has_rival=False)
+
+
+def command(**fields: object) -> str:
+    return json.dumps({"linear": 0.5, "angular": -1, "time_s": 7.5, "picture": 3} | fields)
+
+
+def test_a_command_has_two_shares_the_time_of_the_page_and_the_number_of_a_picture() -> None:
+    assert read_wanted(command()) == Wanted(0.5, -1.0, 7.5, 3)
+    assert read_wanted(command(linear=1, angular=1, time_s=0)) == Wanted(1.0, 1.0, 0.0, 3)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        command(linear=1.001),
+        command(angular=-1.001),
+        command(time_s=MAX_TIME_S),
+        command(time_s=True),
+        command(picture=1.5),
+        command(picture=None),
+        command(more=1),
+        '{"linear": 1e999, "angular": 0, "time_s": 1, "picture": 1}',
+        '{"reset": true, "more": 1}',
+    ],
+)
+def test_what_is_no_command_is_refused(text: str) -> None:
+    with pytest.raises(BadMessageError):
+        read_wanted(text)
+
+
+def test_a_page_says_which_picture_it_has_drawn() -> None:
+    assert read_drawn('{"drawn": 12}') == 12
+    for text in ('{"drawn": true}', '{"drawn": 1.5}', '{"drawn": "1"}', '{"drawn": 1, "more": 1}', "[]"):
+        with pytest.raises(BadMessageError):
+            read_drawn(text)
+
+
+def test_what_a_page_is_told_is_one_sentence() -> None:
+    assert json.loads(told("Another page drives.")) == {"kind": "told", "sentence": "Another page drives."}
