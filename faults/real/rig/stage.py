@@ -36,6 +36,7 @@ from faults.real.rig.janitor import STATE, hire, sweep
 from faults.real.rig.observer import Observer
 from faults.real.rig.wheels import WheelPipe
 from faults.seen import Seen
+from teleop.pilots.keys import PAUSE_S
 from wire import topics
 from wire.bus import BusError, NoReplyError
 from wire.messages import Bool, Point
@@ -52,8 +53,8 @@ RESET_LIMIT_S = 5.0
 READY_LIMIT_S = 5.0
 START_M = (-4.5, 0.0)
 """Start of the robot in the warehouse, facing along x."""
-PRESS_AGAIN_S = 0.4
-"""An operator who sees no effect presses again."""
+PRESS_AGAIN_S = PAUSE_S + 0.2
+"""An operator who sees no effect pauses and presses again: after keys that nobody typed in this way, teleop obeys only after a pause."""
 CALL_LIMIT_S = 1.0
 ASK_AGAIN_S = 0.1
 PRESSED_LIMIT_S = 1.0
