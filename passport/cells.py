@@ -145,15 +145,11 @@ def trusted_bases(config: SupervisorSection, measured: MeasuredSection | None, l
         measured: what was measured; None: nothing.
         lease_s: after this silence, the operator's program ends its link.
     """
-    deceleration_m_s2, dead_s = config.deceleration_m_s2, config.base_dead_time_s
+    measured = measured or MeasuredSection()
+    deceleration_m_s2, dead_s = measured.worse_braking(config.deceleration_m_s2, config.base_dead_time_s)
     timeout_s = config.base_timeout_s
-    if measured is not None:
-        if measured.deceleration_m_s2 is not None:
-            deceleration_m_s2 = min(deceleration_m_s2, measured.deceleration_m_s2.limit)
-        if measured.dead_time_s is not None:
-            dead_s = max(dead_s, measured.dead_time_s.limit)
-        if measured.base_timeout_s is not None:
-            timeout_s = max(timeout_s, measured.base_timeout_s.limit)
+    if measured.base_timeout_s is not None:
+        timeout_s = max(timeout_s, measured.base_timeout_s.limit)
     detected_s = max(
         timeout_s,
         config.command_timeout_s,
@@ -162,17 +158,12 @@ def trusted_bases(config: SupervisorSection, measured: MeasuredSection | None, l
     )
     later_s = dead_s + config.transport_s
     reaction_s = detected_s + later_s
-    deceleration_m_s2 = max(LEAST_DECELERATION_M_S2, deceleration_m_s2)
     deceleration_rad_s2 = deceleration_m_s2 / config.footprint.hull().radius_m
     return Bases(
         Base(config.base_acceleration_m_s2, deceleration_m_s2, reaction_s),
         Base(config.base_angular_acceleration_rad_s2, deceleration_rad_s2, reaction_s),
         Base(config.base_acceleration_m_s2, deceleration_m_s2, max(detected_s, lease_s) + later_s),
     )
-
-
-LEAST_DECELERATION_M_S2 = 0.05
-"""The least that can be configured; a measured limit may be lower, even negative."""
 
 
 def drive_of(plan: Plan, base: Base) -> Drive:

@@ -108,6 +108,24 @@ class Socket:
         return text
 
 
+class Allowance:
+    """Counts the messages of a page within each second."""
+
+    def __init__(self, now_s: float) -> None:
+        self._since_s, self._count = now_s, 0
+
+    def spend(self, now_s: float) -> None:
+        """Count a message.
+
+        Raises:
+            ClosingError: the page sends too many.
+        """
+        is_same = now_s - self._since_s < 1.0
+        self._since_s, self._count = (self._since_s, self._count + 1) if is_same else (now_s, 1)
+        if self._count > MAX_MESSAGES_PER_S:
+            raise BAD_MESSAGE
+
+
 class Application:
     """Serves the page of one station.
 
@@ -239,7 +257,7 @@ class Application:
             commands, told = self._driving.commands(), ""
             socket.show("told", messages.told(""))
             writing = asyncio.ensure_future(socket.write())
-            since_s, count = loop.time(), 0
+            allowance = Allowance(loop.time())
             while True:
                 wanted = messages.read_wanted(await socket.read(COMMAND_LIMIT_S))
                 if session not in self._runs:  # its lease may have ended while it was read
@@ -249,9 +267,7 @@ class Application:
                 elif (problem := commands.hear(wanted, self._pictures.get(session), loop.time())) != told:
                     told = problem
                     socket.show("told", messages.told(problem))
-                since_s, count = (since_s, count + 1) if loop.time() - since_s < 1.0 else (loop.time(), 1)
-                if count > MAX_MESSAGES_PER_S:
-                    raise BAD_MESSAGE
+                allowance.spend(loop.time())
         finally:
             self._driving.release(socket)
             visitor.leave(loop.time())
@@ -288,14 +304,12 @@ class Application:
 
     async def _hold(self, socket: Socket, run: Run) -> None:
         loop = asyncio.get_running_loop()
-        since_s, count = loop.time(), 0
+        allowance = Allowance(loop.time())
         while True:
             lease = messages.read_lease(await socket.read())
             if not self._relay.hear(run, lease):
                 raise REPLACED
-            since_s, count = (since_s, count + 1) if loop.time() - since_s < 1.0 else (loop.time(), 1)
-            if count > MAX_MESSAGES_PER_S:
-                raise BAD_MESSAGE
+            allowance.spend(loop.time())
 
 
 def _route(file: str, kind: str) -> Route:

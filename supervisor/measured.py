@@ -9,6 +9,8 @@ from pydantic import Field
 
 from wire.host.config import Between, Name, Section
 
+LEAST_DECELERATION_M_S2 = 0.05
+"""The least that can be configured; a measured limit may be lower, even negative."""
 Text = Annotated[str, Field(max_length=200)]
 MAX_LIDARS = 4
 
@@ -58,3 +60,11 @@ class MeasuredSection(Section):
     """Time from the first zero command to the standstill, of the e-stop that was tried."""
     lidars: dict[Name, MeasuredLidar] = Field(default={}, max_length=MAX_LIDARS)
     """By the name of the lidar."""
+
+    def worse_braking(self, deceleration_m_s2: float, dead_time_s: float) -> tuple[float, float]:
+        """Return a configured deceleration [m/s²] and dead time [s], each replaced by its measured limit if that is worse."""
+        if self.deceleration_m_s2 is not None:
+            deceleration_m_s2 = min(deceleration_m_s2, self.deceleration_m_s2.limit)
+        if self.dead_time_s is not None:
+            dead_time_s = max(dead_time_s, self.dead_time_s.limit)
+        return max(LEAST_DECELERATION_M_S2, deceleration_m_s2), dead_time_s

@@ -40,7 +40,7 @@ BRAKING_M_S2, SPEED_M_S = 1.5, 0.5
 HALL = "[hall]\nsize_m = [16.0, 16.0]\n\n[start]\nx_m = 2.0\n"
 """Without Lifeline, a robot that does not stop needs this room."""
 START_X_M = 2.0
-"""Of the ROS 2 robot: 4 m from a wall, as in the hall."""
+"""Of the ROS 2 robot: 4 m from a wall."""
 DEMO_FILE = f"""\
 [supervisor]
 max_linear_m_s = {SPEED_M_S}

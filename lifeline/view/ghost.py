@@ -7,9 +7,6 @@ from supervisor.config import SupervisorSection
 from supervisor.law.reckoning import Pose
 from supervisor.measured import MeasuredSection
 
-LEAST_DECELERATION_M_S2 = 0.05
-"""A measured limit may be lower, even negative."""
-
 
 class Stopping(NamedTuple):
     """What is known of the robot's stops: the configured numbers, or the measured limits if they are worse."""
@@ -22,12 +19,7 @@ class Stopping(NamedTuple):
 
 def stopping_of(config: SupervisorSection, measured: MeasuredSection) -> Stopping:
     """Return what is known of a robot's stops. On the spot, the outermost point of the hull decelerates as the hull does when it drives straight."""
-    deceleration_m_s2, dead_s = config.deceleration_m_s2, config.base_dead_time_s
-    if measured.deceleration_m_s2 is not None:
-        deceleration_m_s2 = min(deceleration_m_s2, measured.deceleration_m_s2.limit)
-    if measured.dead_time_s is not None:
-        dead_s = max(dead_s, measured.dead_time_s.limit)
-    deceleration_m_s2 = max(LEAST_DECELERATION_M_S2, deceleration_m_s2)
+    deceleration_m_s2, dead_s = measured.worse_braking(config.deceleration_m_s2, config.base_dead_time_s)
     return Stopping(
         config.command_timeout_s + config.transport_s + dead_s,
         deceleration_m_s2,

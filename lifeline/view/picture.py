@@ -26,10 +26,11 @@ from lifeline.view.scene import (
 )
 from lifeline.view.shapes import Area, Floats, Frame, Line, LogLine, Points, Primitive, State, Value
 from supervisor.law.reckoning import Pose
+from teleop.screen.view import nearest_in_words
 from wire.messages import SafetyStatus, UndecodableError, decode
 from wire.reasons import words_of
 from wire.standstill import is_still
-from wire.text import bearing_in_words, printable
+from wire.text import printable
 from wire.topics import STATUS, Topic
 
 MAX_RAYS = 720
@@ -188,16 +189,13 @@ class Picture:
         words = words_of(names[0]) if names else None
         why = "" if words is None else words.now if causes else words.over
         step = "" if words is None or self._mode != "STOPPED" else words.step
-        nearest = ""
-        if math.isfinite(status.nearest_m):
-            nearest = f"{status.nearest_m:.2f} m {bearing_in_words(status.nearest_bearing_rad, '°')}".rstrip()
         return {
             "mode": self._mode,
             "why": why.replace("WHO", printable(status.owner) or "the command source")
             or printable(", ".join(names)),
             "step": step.replace("NEUTRAL", "the driver requests zero"),
             "owner": printable(status.owner),
-            "nearest": nearest,
+            "nearest": nearest_in_words(status, "°"),
         }
 
     def _scans(self, now_s: float) -> Iterable[dict[str, object]]:

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.browser import Browser, Tab, browser, needs_chromium
+from tests.system.browser import Browser, Tab, needs_chromium
 from tests.system.harness import PATIENCE_S, Robot, patiently
-from tests.system.pages import Server, served
+from tests.system.pages import Server
 from tests.system.test_estop_stations import ESTOP, heard
 from tests.system.test_station_browser import LATE_S, PRESSES
-from wire import topics
+from tests.system.test_station_picture import watched
 
 pytestmark = [needs_chromium, pytest.mark.timeout(240), pytest.mark.timed]  # Chromium uses the whole machine
 
@@ -22,12 +22,7 @@ SLOW_M_S = 0.1
 @asynccontextmanager
 async def wheel(tmp_path: Path) -> AsyncGenerator[tuple[Robot, Server, Browser, Tab]]:
     """A robot in its warehouse, and a page that may drive it and has reset it."""
-    async with (
-        served(tmp_path, topics.SUPERVISOR, topics.SIM, drives=True) as (subject, server),
-        browser(tmp_path / "profile") as chromium,
-    ):
-        tab = await chromium.open(await server.new_address())
-        await tab.waits_for("document.body?.dataset.picture === 'true'")
+    async with watched(tmp_path, teleop=False, drives=True) as (subject, server, chromium, tab):
         await takes(tab)
         yield subject, server, chromium, tab
 

@@ -25,10 +25,12 @@ FACTS = "document.getElementById('facts').textContent"
 
 
 @asynccontextmanager
-async def watched(tmp_path: Path) -> AsyncGenerator[tuple[Robot, Server, Browser, Tab]]:
-    """A robot in its warehouse with a teleop, and a browser whose page shows it."""
+async def watched(
+    tmp_path: Path, *, teleop: bool = True, drives: bool = False
+) -> AsyncGenerator[tuple[Robot, Server, Browser, Tab]]:
+    """A robot in its warehouse, and a browser whose page shows it."""
     async with (
-        served(tmp_path, topics.SUPERVISOR, topics.SIM, teleop=True) as (subject, server),
+        served(tmp_path, topics.SUPERVISOR, topics.SIM, teleop=teleop, drives=drives) as (subject, server),
         browser(tmp_path / "profile") as chromium,
     ):
         tab = await chromium.open(await server.new_address())

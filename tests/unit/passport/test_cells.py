@@ -9,7 +9,6 @@ from commission.plan import MARGIN_M, Base
 from deploy.stack.errors import DeployError
 from passport.cells import (
     LATER_S,
-    LEAST_DECELERATION_M_S2,
     STOP_LIMIT_S,
     TURN_STEADY_S,
     WORDS,
@@ -26,7 +25,7 @@ from passport.cells import (
 )
 from passport.instrument import instrument
 from supervisor.config import SupervisorSection
-from supervisor.measured import MeasuredSection, MeasuredValue
+from supervisor.measured import LEAST_DECELERATION_M_S2, MeasuredSection, MeasuredValue
 from teleop.pilots.pilot import NEUTRAL, Velocity
 from wire.tls import LEASE_S
 

@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from lifeline.view.ghost import LEAST_DECELERATION_M_S2, Stopping, rest_of, stopping_of
+from lifeline.view.ghost import Stopping, rest_of, stopping_of
 from supervisor.config import SupervisorSection
-from supervisor.measured import MeasuredSection, MeasuredValue
+from supervisor.measured import LEAST_DECELERATION_M_S2, MeasuredSection, MeasuredValue
 
 STOPPING = Stopping(reaction_s=0.2, deceleration_m_s2=1.0, deceleration_rad_s2=4.0)
 STEP_S = 1e-4
