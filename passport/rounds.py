@@ -83,6 +83,8 @@ class Rounds:
         self._driver, self._operator, self._injector = driver, operator, injector
         self._person, self._bases, self._source = person, bases, source
         self.place: Place | None = None
+        self._is_back = True
+        """Whether the newest drive back did not end early."""
 
     @property
     def is_estop_latched(self) -> bool:
@@ -116,8 +118,10 @@ class Rounds:
         await self._driver.ready()
         await self._face()
         there_m = await self._from_place_m()
+        self._is_back = True
         if there_m > LEAST_BACK_M:
-            await self._driver.drive(Drive(-there_m, speed=RETURN_M_S).back(there_m), self._bases.straight)
+            drive = Drive(-there_m, speed=RETURN_M_S).back(there_m)
+            self._is_back = not (await self._driver.drive(drive, self._bases.straight)).is_stopped
         await self._face()
         await self._from_place_m()
 
@@ -180,7 +184,11 @@ class Rounds:
         """
         problem = cells.problem(plan, self._bases.of(plan), self._driver.gap_m(await self._wall()))
         if problem is not None:
-            raise SurpriseError(problem)
+            raise SurpriseError(
+                problem
+                if self._is_back
+                else f"{problem}; it could not drive back, because no lidar sees the space there"
+            )
         try:
             await self._start_operator(with_link=plan.fault in CUTS)
             try:
