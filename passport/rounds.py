@@ -38,6 +38,7 @@ UNSEEN = {Fault.LIDAR_SILENT, Fault.ODOMETRY_SILENT, *(one for one in Fault if o
 """After these, the wall is searched for again."""
 OTHER_STOPS = {StopReason.OBSTACLE, StopReason.ESTOP}
 """A stop by one of these would be shorter than that of the fault."""
+NOT_BACK = "the robot could not drive back to its place, because no lidar sees the space behind it"
 
 
 class Place(NamedTuple):
@@ -84,7 +85,7 @@ class Rounds:
         self._person, self._bases, self._source = person, bases, source
         self.place: Place | None = None
         self._is_back = True
-        """Whether the newest drive back did not end early."""
+        """Whether the robot reached its place at the newest drive back."""
 
     @property
     def is_estop_latched(self) -> bool:
@@ -184,11 +185,7 @@ class Rounds:
         """
         problem = cells.problem(plan, self._bases.of(plan), self._driver.gap_m(await self._wall()))
         if problem is not None:
-            raise SurpriseError(
-                problem
-                if self._is_back
-                else f"{problem}; it could not drive back, because no lidar sees the space there"
-            )
+            raise SurpriseError(problem if self._is_back else f"{problem}; {NOT_BACK}")
         try:
             await self._start_operator(with_link=plan.fault in CUTS)
             try:

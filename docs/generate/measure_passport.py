@@ -38,7 +38,7 @@ MOST_REPEATS = 20
 BUNDLE_S = 86400.0
 BRAKING_M_S2, SPEED_M_S = 1.5, 0.5
 HALL = "[hall]\nsize_m = [12.0, 12.8]\n"
-"""Without Lifeline, a robot that does not stop needs this room; in a larger one, walls beyond the lidar's range would count as unseen space."""
+"""Without Lifeline, a robot that does not stop needs this room. A wall beyond the lidar's range of 12 m would count as unseen space."""
 START_X_M = 2.0
 """Of the ROS 2 robot: 4 m from a wall."""
 DEMO_FILE = f"""\

@@ -8,7 +8,7 @@ import pytest
 
 from commission.driver import SurpriseError
 from commission.plan import Base, Drive
-from commission.trace import Odom
+from commission.trace import Driven, Odom
 from commission.wall import Wall
 from passport import rounds
 from passport.cells import Bases, Fault, Plan, standing_m, standing_s
@@ -250,3 +250,28 @@ def test_a_key_during_a_run_presses_the_e_stop_without_lifeline_only(
     with pytest.raises(SurpriseError, match="a key was pressed"):
         asyncio.run(found.run(plan))
     assert (robot.presses > 0) is not with_lifeline
+
+
+@pytest.mark.parametrize("is_stopped", [True, False])
+def test_a_run_that_does_not_fit_says_whether_the_robot_could_not_drive_back(
+    monkeypatch: pytest.MonkeyPatch, *, is_stopped: bool
+) -> None:
+    robot = Robot()
+
+    async def drive(*_: object) -> Driven:
+        return Driven(cast("Any", None), POSE, 0.2, WALL, WALL, 0.0, 0.0, is_stopped)
+
+    async def ready() -> None:
+        pass
+
+    def gap_m(_: Wall) -> float:
+        return 1.0
+
+    monkeypatch.setattr(robot, "drive", drive)
+    monkeypatch.setattr(robot, "ready", ready, raising=False)
+    monkeypatch.setattr(robot, "gap_m", gap_m)
+    found = rounds_of(robot)
+    asyncio.run(found.back())
+    with pytest.raises(SurpriseError, match=r"needs \d\.\d\d m ahead") as caught:
+        asyncio.run(found.run(Plan(Fault.ZERO, 0.8)))
+    assert (rounds.NOT_BACK in str(caught.value)) is is_stopped
