@@ -40,7 +40,7 @@ BRAKING_M_S2, SPEED_M_S = 1.5, 0.5
 HALL = "[hall]\nsize_m = [12.0, 12.8]\n"
 """Without Lifeline, a robot that does not stop needs this room. A wall beyond the lidar's range of 12 m would count as unseen space."""
 START_X_M = 2.0
-"""Of the ROS 2 robot: 4 m from a wall."""
+"""Of the ROS 2 robot: 3.5 m from the wall ahead (tests/ros2/peers/room.py)."""
 DEMO_FILE = f"""\
 [supervisor]
 max_linear_m_s = {SPEED_M_S}
