@@ -37,8 +37,9 @@ MOST_REPEATS = 20
 """Of one run. A busy machine stops the robot; a person then repeats the run."""
 BUNDLE_S = 86400.0
 BRAKING_M_S2, SPEED_M_S = 1.5, 0.5
-HALL = "[hall]\nsize_m = [12.0, 12.8]\n"
-"""Without Lifeline, a robot that does not stop needs this room. A wall beyond the lidar's range of 12 m would count as unseen space."""
+HALL = "[hall]\nsize_m = [12.6, 12.8]\n\n[start]\nx_m = 0.3\n"
+"""The wall ahead is the nearest, 6 m away: without Lifeline, a robot that does not stop needs this room. The others are within the lidar's range of
+12 m until the robot has driven 3.5 m: a wall beyond it would count as unseen space."""
 START_X_M = 2.0
 """Of the ROS 2 robot: 3.5 m from the wall ahead (tests/ros2/peers/room.py)."""
 DEMO_FILE = f"""\
