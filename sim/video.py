@@ -23,12 +23,12 @@ SMALLEST, LARGEST = 16, 4096
 MAX_MEGAPIXELS = 300
 """Maximum size of all frames of a WebP or GIF together: pillow holds them in memory, with three bytes per pixel."""
 
-# In the order of browser support; not every build of PyAV has all of them.
+# In the order of browser support; not every build of PyAV has all of them. Not libsvtav1: under root it gives the calling thread the real-time
+# priority SCHED_FIFO 99, and a process that draws then delays the supervisor on the same computer.
 CODECS = {
     "libx264": {"preset": "slow", "crf": "23"},
     "libopenh264": {},
     "libvpx-vp9": {"crf": "32", "b": "0", "row-mt": "1"},
-    "libsvtav1": {"crf": "34"},
 }
 
 

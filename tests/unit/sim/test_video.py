@@ -1,6 +1,7 @@
 """Files of every kind, read back; a file is complete or does not exist."""
 
 import itertools
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -125,7 +126,7 @@ def test_without_pyav_an_mp4_is_refused_with_what_to_do(
 
 
 @pytest.mark.parametrize("name", video.CODECS)
-def test_every_encoder_that_is_here_makes_a_film_that_reads_back(
+def test_every_encoder_that_is_here_makes_a_film_that_reads_back_and_gives_this_process_no_priority(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     try:
@@ -135,7 +136,9 @@ def test_every_encoder_that_is_here_makes_a_film_that_reads_back(
     monkeypatch.setattr(video, "CODECS", {"no-such-encoder": {}, name: video.CODECS[name]})
     assert codec_for_mp4() == name
     path = tmp_path / "film.mp4"
+    policy = os.sched_getscheduler(0)
     write(path, frames(), FPS)
+    assert os.sched_getscheduler(0) == policy
     pictures, _ = read(path)
     assert len(pictures) == FRAMES
     assert np.abs(pictures[3].astype(int) - next(itertools.islice(frames(), 3, None))).mean() < 12
