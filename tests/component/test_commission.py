@@ -205,6 +205,7 @@ def no_stops(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plan, "STOP_SPEEDS_M_S", ())
 
 
+@pytest.mark.long
 @pytest.mark.timeout(600)
 @pytest.mark.usefixtures("no_stops")
 async def test_the_yaw_of_a_lidar_that_looks_elsewhere_than_configured_is_measured(tmp_path: Path) -> None:
@@ -269,6 +270,7 @@ async def test_a_key_ends_a_drive_at_once_and_the_person_may_repeat_the_step(tmp
         await running
 
 
+@pytest.mark.long
 @pytest.mark.timeout(600)
 async def test_a_key_between_two_drives_of_a_step_keeps_the_robot_at_rest(tmp_path: Path) -> None:
     async with first_drive(tmp_path, SIM, CONFIG) as drive:
@@ -299,6 +301,7 @@ def only_estop(monkeypatch: pytest.MonkeyPatch, no_stops: None) -> None:
     monkeypatch.setattr(plan, "ESTOP", plan.ESTOP._replace(drives=(plan.Drive(0.3),)))
 
 
+@pytest.mark.long
 @pytest.mark.timeout(600)
 @pytest.mark.usefixtures("only_estop")
 async def test_an_estop_after_the_drive_does_not_count(tmp_path: Path) -> None:
@@ -314,6 +317,7 @@ async def test_an_estop_after_the_drive_does_not_count(tmp_path: Path) -> None:
     assert "estop_s" not in drive.measured
 
 
+@pytest.mark.long
 @pytest.mark.timeout(600)
 @pytest.mark.usefixtures("only_estop")
 async def test_a_file_that_became_unusable_during_the_drives_may_be_corrected_and_written(
@@ -348,7 +352,7 @@ def turned_back(message: Odometry) -> None:
     [
         (too_fast, Mistake.ODOMETRY_SPEED),
         (too_short, Mistake.ODOMETRY_DISTANCE),
-        (turned_back, Mistake.ODOMETRY_TURNS_BACK),
+        pytest.param(turned_back, Mistake.ODOMETRY_TURNS_BACK, marks=pytest.mark.long),
     ],
 )
 async def test_wrong_odometry_ends_it_with_what_to_correct(

@@ -175,6 +175,7 @@ def say_to(said: list[str]) -> Callable[[str], None]:
     return said.append
 
 
+@pytest.mark.long
 def test_a_campaign_keeps_its_trials_and_goes_on_where_it_ended(tmp_path: Path) -> None:
     out, said = tmp_path / "trials.jsonl", list[str]()
     assert campaigns.campaign(2, 2, out, say_to(said)) == 0
