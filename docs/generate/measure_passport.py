@@ -2,7 +2,7 @@
 
 A simulated robot, or the ROS 2 robot of the tests, drives in a hall. A program answers the questions of `lifeline passport measure` as a
 person does; the system tests use it too. The page is signed by a new authority, of which only the certificate is kept. A measurement that
-was interrupted is continued by the same command; without its record, docs/passports/ROBOT.json, it begins again.
+was interrupted is continued by the same command; without its record, docs/passports/ROBOT.json, it begins again. With `--record`, it only measures.
 """
 
 import argparse
@@ -218,17 +218,25 @@ def ros2_robot() -> Generator[Site]:
 ROBOTS = {DEMO: demo_robot, ROS2: ros2_robot}
 
 
-def measure(robot: str, runs: int, faults: Sequence[str]) -> str:
+def measure(robot: str, runs: int, faults: Sequence[str], only_record: Path | None) -> str:
     """Measure, write and sign the page of a robot, and return its result.
+
+    Args:
+        robot: of `ROBOTS`.
+        runs: of each cell.
+        faults: only these; empty: all.
+        only_record: the record, if no page is to be written.
 
     Raises:
         DeployError: it was not measured to the end.
     """
-    record = FOLDER / f"{robot}.json"
+    record = FOLDER / f"{robot}.json" if only_record is None else only_record.resolve()
     with ROBOTS[robot]() as one:
         one.out = record
         for without in (False, True) if robot == DEMO and not faults else (False,):
             _conduct(one.measure(*faults, runs=runs, without=without))
+    if only_record is not None:
+        return f"{only_record}: measured"
     with tempfile.TemporaryDirectory() as folder:
         keys = Path(folder) / "keys"
         init(keys, replace=False)
@@ -261,9 +269,12 @@ def main() -> int:
     parser.add_argument("--robot", choices=ROBOTS, default=DEMO)
     parser.add_argument("--runs", type=int, default=10, help="of each cell")
     parser.add_argument("--fault", action="append", choices=list(Fault), default=[], help="only this fault")
+    parser.add_argument(
+        "--record", metavar="FILE", type=Path, help="measure into this record, and write no page"
+    )
     options = parser.parse_args()
     try:
-        print(measure(options.robot, options.runs, options.fault))
+        print(measure(options.robot, options.runs, options.fault, options.record))
     except DeployError as error:
         print(f"The passport was not measured: {error}", file=sys.stderr)
         return 1
