@@ -11,7 +11,9 @@ from dataclasses import KW_ONLY, dataclass
 from enum import Flag, StrEnum, auto
 from functools import partial
 
+from faults.page import BEAT_S
 from faults.promises import KILL_LIMIT_S, Kind
+from station.driving import STALE_S
 
 TICK_S = 0.02
 """The supervisor's tick period."""
@@ -31,6 +33,9 @@ ODOM_BOUND_S = ODOM_TIMEOUT_S + TICK_S
 SILENT_BOUND_S = COMMAND_TIMEOUT_S + TICK_S
 BLIND_BOUND_S = SCAN_TIMEOUT_S + TICK_S
 HUNG_BASE_BOUND_S = BASE_TIMEOUT_S + TICK_S
+PAGE_BOUND_S = BEAT_S + KILL_LIMIT_S
+"""The server acts on the next command of the page."""
+PICTURE_BOUND_S = STALE_S + BEAT_S
 
 
 class Group(StrEnum):
@@ -41,6 +46,8 @@ class Group(StrEnum):
     SENSORS = "sim and sensors"
     ESTOP = "e-stop"
     NETWORK = "network"
+    STATION = "station"
+    """The operator drives by the page of a station instead of teleop."""
     WIRE = "wire"
     MACHINE = "machine"
     SUPERVISORD = "supervisord"
@@ -139,6 +146,11 @@ _cut_base = partial(
     detectors=SCAN_STALE,
     bound_s=BLIND_BOUND_S,
     effect=Effect.BLIND | Effect.BASE_HOLDS,
+)
+_station = partial(FaultClass, group=Group.STATION, target="teleop", by_itself=True)
+_station_ends = partial(_station, promise=2, detectors=GONE, bound_s=KILL_LIMIT_S, effect=Effect.TELEOP_ENDS)
+_station_hangs = partial(
+    _station, promise=3, detectors=SILENT_OR_LOST, bound_s=SILENT_BOUND_S, effect=Effect.TELEOP_SILENT
 )
 _wire = partial(FaultClass, group=Group.WIRE)
 _second_writer = partial(
@@ -250,6 +262,32 @@ CLASSES = (
         real=False,
     ),
     _cut("net_unplugged", "teleop's cable is unplugged, and plugged in after 0.3, 1 or 3 s", virtual=False),
+    _station_ends("station_sigkill", "a page drives; SIGKILL of its server"),
+    _station_hangs("station_sigstop", "a page drives; SIGSTOP of its server, then SIGCONT"),
+    _station_ends("station_page_sigkill", "SIGKILL of the page that drives: its connections end"),
+    _station_hangs(
+        "station_page_sigstop", "SIGSTOP of the page that drives, then SIGCONT: its connections last"
+    ),
+    _station(
+        "station_page_frozen",
+        "the page that drives names the same picture with all its commands",
+        promise=3,
+        bound_s=PICTURE_BOUND_S,
+        demands=Kind.ZERO,
+    ),
+    _station(
+        "station_page_garbage",
+        "the page that drives sends garbage to its server",
+        promise=2,
+        bound_s=PAGE_BOUND_S,
+        demands=Kind.ZERO,
+    ),
+    _supervisor_ends(
+        "station_supervisor_sigkill",
+        "a page drives; SIGKILL of the supervisor, then a restart",
+        group=Group.STATION,
+        by_itself=True,
+    ),
     _wire("wire_malformed", "random bytes on every key, at 400 Hz", promise=1, effect=FOREIGN),
     _wire("wire_truncated", "truncated messages, at 400 Hz", promise=1, effect=FOREIGN),
     _wire("wire_oversized", "payloads of up to 3 MiB, at 20 Hz", promise=1),

@@ -10,7 +10,8 @@ from random import Random
 from typing import Concatenate, ParamSpec
 
 from faults.attacks import ATTACKS, SECOND
-from faults.port import End, Fault, Hold, Parameters, Pillar, Port
+from faults.page import CONNECTIONS
+from faults.port import PAGE, End, Fault, Hold, Parameters, Pillar, Port
 from wire import topics
 
 TELEOP, SUPERVISOR, SIM = topics.TELEOP, topics.SUPERVISOR, topics.SIM
@@ -212,6 +213,27 @@ def clock_step(chance: Random) -> Fault[Port]:
     return Fault(steps, {"process": node, "by_s": by_s}, lasting(chance, 0.5, 1.0))
 
 
+# --- the page of a station
+
+
+def frozen_picture(chance: Random) -> Fault[Port]:
+    async def steps(port: Port) -> AsyncGenerator[float]:
+        yield port.freeze_picture()
+        port.mend_page()
+
+    return Fault(steps, lasts_s=lasting(chance, 0.8, 1.5))
+
+
+def page_garbage(chance: Random) -> Fault[Port]:
+    on, seed = chance.choice(CONNECTIONS), chance.randrange(1 << 31)
+
+    async def steps(port: Port) -> AsyncGenerator[float]:
+        yield port.send_garbage(on, seed)
+        port.mend_page()
+
+    return Fault(steps, {"on": on}, lasting(chance, 0.8, 1.5))
+
+
 # --- e-stop
 
 
@@ -274,6 +296,13 @@ DRAWS: dict[str, Draw] = {
     "wire_second_lidar_steady": second_writer("second_lidar_steady", 3.0, 4.0),
     "wire_second_lidar_flood": second_writer("second_lidar_flood", 1.5, 1.6),
     "wire_clock_step": clock_step,
+    "station_sigkill": kill(TELEOP),
+    "station_sigstop": hold(TELEOP, Hold.STOP),
+    "station_page_sigkill": kill(PAGE),
+    "station_page_sigstop": hold(PAGE, Hold.STOP),
+    "station_page_frozen": frozen_picture,
+    "station_page_garbage": page_garbage,
+    "station_supervisor_sigkill": kill(SUPERVISOR),
     **{f"estop_{node}_sigkill": estop_and_kill(node) for node in (TELEOP, SUPERVISOR, SIM)},
 }
 """The draw of each class that both campaigns can inject; the rows say which campaigns do."""

@@ -7,6 +7,9 @@ from typing import Generic, Protocol, TypeVar
 
 Parameters = dict[str, float | str]
 
+PAGE = "page"
+"""The process of the page that drives through a station; the process of the source is then the station's server."""
+
 
 class Hold(StrEnum):
     """The ways to hold a process for a while."""
@@ -94,6 +97,17 @@ class Port(Protocol):
     def step_clock(self, node: str, by_s: float) -> float:
         """Step the clock of a node's stamps."""
         ...
+
+    def freeze_picture(self) -> float:
+        """Let the page that drives send the number of one picture with all its commands."""
+        ...
+
+    def send_garbage(self, on: str, seed: int) -> float:
+        """Let the page that drives send garbage on one of `page.CONNECTIONS`."""
+        ...
+
+    def mend_page(self) -> None:
+        """End what the page does wrong."""
 
     async def press_estop(self) -> float:
         """Press the e-stop, and wait for zero; it is not reset before `insist` ends."""

@@ -36,6 +36,7 @@ HEADINGS: Mapping[str, str] = {
     Group.SUPERVISOR: "supervisor",
     Group.SENSORS: "base and sensors",
     Group.NETWORK: "network",
+    Group.STATION: "page of a station",
     Group.WIRE: "another program on the wire",
     Group.ESTOP: "e-stop, then within 0.3 s",
     Group.MACHINE: "computer",

@@ -185,7 +185,7 @@ async def _drive(stage: Stage, run: _Run, chance: Random) -> None:
         presses = chance.randint(4, 10)
         wanted_m_s = chance.uniform(FAULT_SPEED_M_S, 0.09 * presses)
         turn = "" if run.is_straight else chance.choice(("", "", "a", "d", "aa", "dd"))
-        stage.teleop.press("w" * presses + turn)
+        stage.operator.press("w" * presses + turn)
         if not await stage.observer.until(
             lambda seen: bool(seen.motions) and seen.motions[-1].linear_m_s >= wanted_m_s,  # noqa: B023 - called at once
             DRIVE_LIMIT_S,
@@ -194,7 +194,7 @@ async def _drive(stage: Stage, run: _Run, chance: Random) -> None:
         until_s = time.monotonic() + chance.uniform(0.0, LAST_KEYS_S)
         while (left_s := until_s - time.monotonic()) > 0.0:
             await stage.observer.watch(min(left_s, chance.uniform(0.03, 0.15)))
-            stage.teleop.press("w" if run.is_straight else chance.choice("wwad"))
+            stage.operator.press("w" if run.is_straight else chance.choice("wwad"))
         seen = stage.observer.look()
         if not seen.statuses[-1].is_stopped and seen.motions[-1].linear_m_s >= FAULT_SPEED_M_S:
             return
@@ -276,10 +276,10 @@ async def _take_care(stage: Stage, run: _Run) -> None:
 
 
 async def _start_what_ended(stage: Stage, run: _Run) -> None:
-    if stage.teleop.running:
+    if stage.operator.running:
         return
     if not run.may_end(topics.TELEOP):
-        sentence = f"teleop ended by itself; its last lines: {stage.teleop.last_lines}"
+        sentence = f"teleop ended by itself; its last lines: {stage.operator.last_lines}"
         run.complaints.append(BrokenPromise(8, time.monotonic(), sentence))
     # Start it only after the loss was detected, because starting a program occupies the processor.
     await asyncio.sleep(3 * LOOK_S)
@@ -290,7 +290,7 @@ async def _go_on_typing(stage: Stage, run: _Run, chance: Random) -> None:
     """Press random keys, including neutral, if no fault must stop the robot."""
     while True:
         await asyncio.sleep(chance.uniform(0.05, 0.3))
-        stage.teleop.press(chance.choice(KEYS[run.pillar]))
+        stage.operator.press(chance.choice(KEYS[run.pillar]))
 
 
 # --- watch
@@ -359,7 +359,7 @@ async def _move(stage: Stage) -> None:
     """
     deadline_s = time.monotonic() + MOVES_LIMIT_S
     while (pressed_s := time.monotonic()) < deadline_s:
-        stage.teleop.press("ww")
+        stage.operator.press("ww")
         if await stage.observer.until(
             lambda seen: (
                 bool(seen.commands)

@@ -28,12 +28,13 @@ from deploy.stack.launch import DEFAULT_CONFIG, Launch, free_loopback_endpoint
 from deploy.stack.statedir import StateDir
 from deploy.stack.takedown import Say
 from faults.classes import BY_NAME, Group
-from faults.port import End, Hold
+from faults.port import PAGE, End, Hold
 from faults.real.rig import faulty_process
 from faults.real.rig.cable import Cable
 from faults.real.rig.helper_process import HelperProcess, Links
 from faults.real.rig.janitor import STATE, hire, sweep
 from faults.real.rig.observer import Observer
+from faults.real.rig.station import StationOperator
 from faults.real.rig.wheels import WheelPipe
 from faults.seen import Seen
 from teleop.pilots.keys import PAUSE_S
@@ -72,6 +73,8 @@ class Route(StrEnum):
     PROXY = "proxy"
     CABLE = "cable"
     """From a separate network namespace; teleop only."""
+    STATION = "station"
+    """A page drives through the server of a station; teleop's place only."""
 
 
 class StageError(DeployError):
@@ -82,7 +85,9 @@ def routes_for(classes: Collection[str]) -> tuple[Route, Route]:
     """Return the routes of teleop and sim to the hub that these classes of faults need."""
     routes = {topics.TELEOP: Route.DIRECT, topics.SIM: Route.DIRECT}
     for name in classes:
-        if BY_NAME[name].group is Group.NETWORK:
+        if BY_NAME[name].group is Group.STATION:
+            routes[topics.TELEOP] = Route.STATION
+        elif BY_NAME[name].group is Group.NETWORK:
             routes[BY_NAME[name].target] = Route.CABLE if name == UNPLUGGED else Route.PROXY
     return routes[topics.TELEOP], routes[topics.SIM]
 
@@ -134,7 +139,7 @@ class Stage:
         self._cable_link: Links | None = None
         self._attacker: HelperProcess | None = None
         self._watch: Observer | None = None
-        self._teleop: TypedTeleop | None = None
+        self._operator: TypedTeleop | StationOperator | None = None
         self.is_ready = False
         """Whether the robot has just been observed driving."""
         self.routes = {topics.TELEOP: Route.DIRECT, topics.SIM: Route.DIRECT}
@@ -147,9 +152,20 @@ class Stage:
         return self._watch
 
     @property
+    def operator(self) -> TypedTeleop | StationOperator:
+        """What takes the operator's keys."""
+        assert self._operator is not None
+        return self._operator
+
+    @property
     def teleop(self) -> TypedTeleop:
-        assert self._teleop is not None
-        return self._teleop
+        assert isinstance(self._operator, TypedTeleop)
+        return self._operator
+
+    @property
+    def station(self) -> StationOperator:
+        assert isinstance(self._operator, StationOperator)
+        return self._operator
 
     @property
     def attacker(self) -> HelperProcess:
@@ -240,8 +256,8 @@ class Stage:
         """Stop everything; processes that have ended already cause no error."""
         if self._watch is not None:
             self._watch.close()
-        if self._teleop is not None:
-            await self._teleop.close()
+        if self._operator is not None:
+            await self._operator.close()
         if self._bus is not None:
             await self._bus.close()
         self.discard()
@@ -302,7 +318,7 @@ class Stage:
         if self.routes[topics.TELEOP] is not teleop:
             await self.stop_teleop()
             self.routes[topics.TELEOP] = teleop
-        if self._teleop is None:
+        if self._operator is None:
             await self.start_teleop()
         for node, route in self.routes.items():
             if route is Route.PROXY:
@@ -311,7 +327,7 @@ class Stage:
     def _teleop_way(self) -> tuple[tuple[str, ...], str]:
         """Return the prefix of teleop's command, and the endpoint that it connects to."""
         match self.routes[topics.TELEOP]:
-            case Route.DIRECT:
+            case Route.DIRECT | Route.STATION:
                 return (), self.launch.bus.endpoint
             case Route.PROXY:
                 return (), self.links.endpoints[topics.TELEOP]
@@ -325,21 +341,25 @@ class Stage:
     # --- processes
 
     async def start_teleop(self) -> None:
-        """Start a new teleop on new terminals, without waiting until it is alive."""
-        if self._teleop is not None:
-            await self.stop_teleop()
-        prefix, endpoint = self._teleop_way()
-        command = self.launch.command(topics.TELEOP)
-        command[command.index("--endpoint") + 1] = endpoint
+        """Start a new teleop on new terminals, or a new page and its server if it has ended, without waiting until it is alive."""
         if self._watch is not None:
             self.observer.look()
             self.observer.alive.discard(topics.TELEOP)
-        environment = os.environ | self.environment | {faulty_process.DIRECTORY: str(self.directory)}
-        self._teleop = TypedTeleop([*prefix, *command], dict(environment))
+        environment = dict(os.environ | self.environment | {faulty_process.DIRECTORY: str(self.directory)})
+        if self.routes[topics.TELEOP] is Route.STATION:
+            if not (isinstance(self._operator, StationOperator) and self._operator.open_again()):
+                await self.stop_teleop()
+                self._operator = StationOperator(self.launch, environment, self.directory)
+            return
+        await self.stop_teleop()
+        prefix, endpoint = self._teleop_way()
+        command = self.launch.command(topics.TELEOP)
+        command[command.index("--endpoint") + 1] = endpoint
+        self._operator = TypedTeleop([*prefix, *command], environment)
 
     async def stop_teleop(self) -> None:
-        if self._teleop is not None:
-            desk, self._teleop = self._teleop, None
+        if self._operator is not None:
+            desk, self._operator = self._operator, None
             await desk.close()
 
     def pid(self, node: str) -> int:
@@ -349,7 +369,9 @@ class Stage:
             StageError: it does not run.
         """
         if node == topics.TELEOP:
-            return self.teleop.pid
+            return self.operator.pid
+        if node == PAGE and (pid := self.station.page_pid) is not None:
+            return pid
         for process in processes.of(self.state.path):
             if process.name == node:
                 return process.pid
@@ -436,6 +458,21 @@ class Stage:
             self.observer.trusts_stamps = False
         return self.order(node, f"clock {by_s}")
 
+    def freeze_picture(self) -> float:
+        return self._order_page({"frozen": True})
+
+    def send_garbage(self, on: str, seed: int) -> float:
+        return self._order_page({"garbage": on, "seed": seed})
+
+    def mend_page(self) -> None:
+        self._order_page({"frozen": False})
+        self._order_page({"garbage": "", "seed": 0})
+
+    def _order_page(self, order: dict[str, str | int | bool]) -> float:
+        now_s = time.monotonic()
+        self.station.order(order)
+        return now_s
+
     async def press_estop(self) -> float:
         at_s = time.monotonic()
         self.observer.bus.publisher(topics.ESTOP).put(Bool(data=True))
@@ -451,9 +488,9 @@ class Stage:
         await self.alive(topics.TELEOP)
         until_s = time.monotonic() + INSISTS_S
         while time.monotonic() < until_s:
-            self.teleop.press("s")
+            self.operator.press("s")
             await self.observer.watch(3 * LOOK_S)
-            self.teleop.press("wwww")
+            self.operator.press("wwww")
             await self.observer.watch(6 * LOOK_S)
 
     async def sensors(self, faults: str) -> float:
@@ -536,13 +573,13 @@ class Stage:
                 return time.monotonic() - began_s
         statuses = self.observer.seen.statuses
         reasons = ", ".join(statuses[-1].reasons) if statuses else "no status arrived"
-        ended = "" if self.teleop.running else f"; teleop has ended: {self.teleop.last_lines}"
+        ended = "" if self.operator.running else f"; teleop has ended: {self.operator.last_lines}"
         raise StageError(f"not ready to drive {READY_LIMIT_S:g} s after neutral ({reasons}){ended}")
 
     def press_neutral(self) -> None:
         """Press `s`, and `r` if an e-stop is latched."""
         is_latched = any("ESTOP" in status.reasons for status in self.observer.seen.statuses[-1:])
-        self.teleop.press("sr" if is_latched else "s")
+        self.operator.press("sr" if is_latched else "s")
 
     async def back_to_start(self) -> None:
         """Put the robot at rest at its start, with at least 4 m of free aisle ahead and without any pillar.

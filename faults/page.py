@@ -1,0 +1,195 @@
+"""A page that drives, without a browser: it does what station/page does, over connections that each campaign opens in its own way.
+
+It pairs, holds the lease, draws pictures, and drives while something is held. Its person presses Drive again after each loss of
+a connection.
+"""
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable, Coroutine
+from contextlib import AbstractAsyncContextManager, suppress
+from random import Random
+from typing import Any, NoReturn, Protocol
+
+from wire.lease import PRESENCE_PERIOD_S
+
+BEAT_S = 0.03
+"""Period of the commands, as in station/page/drive.js."""
+FRAME_S = 1.0 / 60.0
+AGAIN_S = 0.3
+"""From the loss of a connection to the next one."""
+STEP = 0.1
+KEYS = {"w": (STEP, 0.0), "x": (-STEP, 0.0), "a": (0.0, STEP), "d": (0.0, -STEP)}
+NOTHING = (0.0, 0.0)
+LEASE = json.dumps({"challenge": "1", "response": "0", "stop": False})
+"""Of a station that the supervisor does not know, and therefore does not challenge."""
+CONNECTIONS = ("lease", "picture", "drive")
+"""The websockets of a page."""
+MAX_GARBAGE = 600
+"""Characters: longer than the server accepts."""
+
+
+class Connection(Protocol):
+    """A websocket; both methods raise a ConnectionError when it has ended."""
+
+    async def send(self, text: str, /) -> None: ...
+
+    async def recv(self) -> Any: ...  # noqa: ANN401 - a text
+
+
+Connect = Callable[[str], AbstractAsyncContextManager[Connection]]
+"""Opens one of `CONNECTIONS`."""
+
+
+class Page:
+    """One page.
+
+    Args:
+        connect: opens its connections.
+        code: the code that pairs it.
+    """
+
+    def __init__(self, connect: Connect, code: str) -> None:
+        self._connect, self._hello = connect, {"code": code}
+        self._held = NOTHING
+        """Shares of the largest velocities, ahead and to the left."""
+        self._number = 0
+        """Of the newest picture that was drawn; 0: none is shown."""
+        self._stale_number: int | None = None
+        self._garbage_on, self._random = "", Random(0)  # noqa: S311 - to be repeated is what it is for
+        self._wheel: Connection | None = None
+
+    # --- what happens to it
+
+    async def press(self, keys: str) -> None:
+        """Press keys of teleop: w, x, a and d change what is held, s releases it; r resets the e-stop."""
+        for key in keys:
+            linear, angular = KEYS.get(key, NOTHING)
+            held = (_share(self._held[0] + linear), _share(self._held[1] + angular))
+            self._held = held if key in KEYS else NOTHING
+        with suppress(ConnectionError):  # the works of the page notice it, too
+            await self._command()
+            if "r" in keys:
+                await self._send({"reset": True})
+
+    def freeze_picture(self, *, frozen: bool) -> None:
+        """Send the number of the present picture with all commands, whatever the server answers, and hold on; or end this."""
+        self._stale_number = self._number if frozen else None
+
+    def send_garbage(self, on: str, seed: int) -> None:
+        """Send no valid message on one of the connections from now on; with an empty name, end this."""
+        self._garbage_on, self._random = on, Random(seed)  # noqa: S311 - as above
+
+    # --- what it does
+
+    async def run(self) -> NoReturn:
+        """Hold the lease, and meanwhile draw pictures and drive."""
+        while True:
+            with suppress(ConnectionError):
+                async with self._connect("lease") as socket:
+                    await socket.send(json.dumps(self._hello))
+                    self._hello = {"token": json.loads(await socket.recv())["token"]}
+                    beat = self._beat(PRESENCE_PERIOD_S, lambda: self._put(socket, "lease", LEASE))
+                    await _until_one_ends(
+                        beat, _ignore(socket), self._again(self._draw), self._again(self._drive)
+                    )
+            await asyncio.sleep(AGAIN_S)
+
+    async def _again(self, work: Callable[[], Coroutine[Any, Any, None]]) -> NoReturn:
+        while True:
+            with suppress(ConnectionError):
+                await work()
+            await asyncio.sleep(AGAIN_S)
+
+    async def _draw(self) -> None:
+        async with self._connect("picture") as socket:
+            try:
+                await socket.send(json.dumps(self._hello))
+                while True:
+                    message = json.loads(await socket.recv())
+                    if message["kind"] == "picture":
+                        await asyncio.sleep(FRAME_S)
+                        self._number = message["number"]
+                        await self._put(socket, "picture", json.dumps({"drawn": self._number}))
+            finally:
+                self._number = 0
+
+    async def _drive(self) -> None:
+        async with self._connect("drive") as socket:
+            try:
+                await socket.send(json.dumps(self._hello))
+                await socket.recv()
+                self._wheel = socket
+                await _until_one_ends(self._listen(socket), self._beat(BEAT_S, self._command))
+            finally:
+                self._wheel, self._held = None, NOTHING
+
+    async def _listen(self, socket: Connection) -> NoReturn:
+        """What the server refuses is released, as long as the page works."""
+        while True:
+            if json.loads(await socket.recv())["sentence"] and self._stale_number is None:
+                self._held = NOTHING
+                await self._command()
+
+    async def _beat(self, period_s: float, send: Callable[[], Awaitable[None]]) -> NoReturn:
+        while True:
+            await send()
+            await asyncio.sleep(period_s)
+
+    async def _command(self) -> None:
+        linear, angular = self._held
+        number = self._number if self._stale_number is None else self._stale_number
+        now_s = asyncio.get_running_loop().time()
+        await self._send({"linear": linear, "angular": angular, "time_s": now_s, "picture": number})
+
+    async def _send(self, message: dict[str, Any]) -> None:
+        if self._wheel is not None:
+            await self._put(self._wheel, "drive", json.dumps(message))
+
+    async def _put(self, socket: Connection, name: str, text: str) -> None:
+        await socket.send(garbage(self._random) if name == self._garbage_on else text)
+
+
+def garbage(chance: Random) -> str:
+    """Return a text that is none of the messages of a page."""
+    number = chance.choice(("NaN", "Infinity", "1e999", "-2", "null", '"1"', "[]", "true"))
+    return chance.choice(
+        (
+            "",
+            "null",
+            "{}",
+            "[" * chance.randint(1, MAX_GARBAGE),
+            "".join(chr(chance.randrange(1, 0xD800)) for _ in range(chance.randint(1, 40))),
+            f'{{"linear": {number}, "angular": 0, "time_s": 0, "picture": 1}}',
+            f'{{"linear": 1, "angular": 0, "time_s": {number}, "picture": 1}}'.replace("-2", "-1e9"),
+            f'{{"drawn": {number}}}'.replace("-2", "-1e9"),
+            f'{{"challenge": {number}, "response": "0", "stop": false}}',
+            '{"reset": false}',
+        )
+    )
+
+
+def _share(value: float) -> float:
+    return round(max(-1.0, min(1.0, value)), 3)
+
+
+async def _ignore(socket: Connection) -> NoReturn:
+    while True:
+        await socket.recv()
+
+
+async def _until_one_ends(*works: Coroutine[Any, Any, NoReturn]) -> None:
+    """Run works together until one raises an error; raise it.
+
+    Raises:
+        ConnectionError: a connection has ended.
+    """
+    tasks = [asyncio.ensure_future(work) for work in works]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+    for task in done:
+        task.result()
