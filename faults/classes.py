@@ -14,6 +14,7 @@ from functools import partial
 from faults.page import BEAT_S
 from faults.promises import KILL_LIMIT_S, Kind
 from station.driving import STALE_S
+from wire.lease import PRESENCE_PERIOD_S
 
 TICK_S = 0.02
 """The supervisor's tick period."""
@@ -33,8 +34,8 @@ ODOM_BOUND_S = ODOM_TIMEOUT_S + TICK_S
 SILENT_BOUND_S = COMMAND_TIMEOUT_S + TICK_S
 BLIND_BOUND_S = SCAN_TIMEOUT_S + TICK_S
 HUNG_BASE_BOUND_S = BASE_TIMEOUT_S + TICK_S
-PAGE_BOUND_S = BEAT_S + KILL_LIMIT_S
-"""The server acts on the next command of the page."""
+PAGE_BOUND_S = PRESENCE_PERIOD_S + BEAT_S + KILL_LIMIT_S
+"""From the decision to send garbage: the next message of the connection, and the next command of the page, on which the server acts."""
 PICTURE_BOUND_S = STALE_S + BEAT_S
 
 

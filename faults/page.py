@@ -6,7 +6,7 @@ a connection.
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Awaitable, Callable, Collection, Coroutine
 from contextlib import AbstractAsyncContextManager, suppress
 from random import Random
 from typing import Any, NoReturn, Protocol
@@ -20,6 +20,7 @@ AGAIN_S = 0.3
 """From the loss of a connection to the next one."""
 STEP = 0.1
 KEYS = {"w": (STEP, 0.0), "x": (-STEP, 0.0), "a": (0.0, STEP), "d": (0.0, -STEP)}
+RELEASING_KEYS = ("s", "r")
 NOTHING = (0.0, 0.0)
 LEASE = json.dumps({"challenge": "1", "response": "0", "stop": False})
 """Of a station that the supervisor does not know, and therefore does not challenge."""
@@ -61,12 +62,12 @@ class Page:
 
     # --- what happens to it
 
-    async def press(self, keys: str) -> None:
-        """Press keys of teleop: w, x, a and d change what is held, s releases it; r resets the e-stop."""
+    async def press(self, keys: Collection[str]) -> None:
+        """Press keys of teleop: w, x, a and d change what is held, s and r release it, and r resets the e-stop; others do nothing."""
         for key in keys:
             linear, angular = KEYS.get(key, NOTHING)
             held = (_share(self._held[0] + linear), _share(self._held[1] + angular))
-            self._held = held if key in KEYS else NOTHING
+            self._held = NOTHING if key in RELEASING_KEYS else held
         with suppress(ConnectionError):  # the works of the page notice it, too
             await self._command()
             if "r" in keys:
@@ -152,7 +153,7 @@ class Page:
 
 def garbage(chance: Random) -> str:
     """Return a text that is none of the messages of a page."""
-    number = chance.choice(("NaN", "Infinity", "1e999", "-2", "null", '"1"', "[]", "true"))
+    number = chance.choice(("NaN", "Infinity", "1e999", "-1e9", "null", '"1"', "[]", "true"))
     return chance.choice(
         (
             "",
@@ -161,9 +162,9 @@ def garbage(chance: Random) -> str:
             "[" * chance.randint(1, MAX_GARBAGE),
             "".join(chr(chance.randrange(1, 0xD800)) for _ in range(chance.randint(1, 40))),
             f'{{"linear": {number}, "angular": 0, "time_s": 0, "picture": 1}}',
-            f'{{"linear": 1, "angular": 0, "time_s": {number}, "picture": 1}}'.replace("-2", "-1e9"),
-            f'{{"drawn": {number}}}'.replace("-2", "-1e9"),
-            f'{{"challenge": {number}, "response": "0", "stop": false}}',
+            f'{{"linear": 1, "angular": 0, "time_s": {number}, "picture": 1}}',
+            f'{{"drawn": {number}}}',
+            f'{{"challenge": {number}, "response": "0", "stop": 0}}',
             '{"reset": false}',
         )
     )
@@ -185,11 +186,17 @@ async def _until_one_ends(*works: Coroutine[Any, Any, NoReturn]) -> None:
         ConnectionError: a connection has ended.
     """
     tasks = [asyncio.ensure_future(work) for work in works]
+    for task in tasks:
+        task.add_done_callback(_error)
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
         for task in tasks:
             task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
     for task in done:
         task.result()
+
+
+def _error(task: asyncio.Task[Any]) -> BaseException | None:
+    """Return the error with which a task ended, which is thereby not reported as unnoticed; None if it was cancelled."""
+    return None if task.cancelled() else task.exception()

@@ -1,4 +1,4 @@
-"""The running robot for the page of an e-stop station: what it shows, and the command source with which it drives."""
+"""The running robot for the page of an e-stop station: what it shows, and with which command source it drives."""
 
 import asyncio
 from typing import Any
@@ -11,14 +11,9 @@ from lifeline.view.picture import Picture
 from lifeline.view.scene import scene_of
 from supervisor.config import SupervisorSection
 from supervisor.measured import MeasuredSection
-from teleop.holder import HeldError, Holder, about_this_process
 from teleop.pilots.config import TeleopSection
-from wire import topics
-from wire.bus import Bus, NoReplyError, Subscription
-from wire.messages import planar_twist
-from wire.text import printable
-
-RESET_LIMIT_S = 1.0
+from teleop.wheel import SourceWheel
+from wire.bus import Bus, Subscription
 
 
 class LivePainter:
@@ -48,51 +43,6 @@ class LivePainter:
             for arrival in subscription.take_raw()[-1:]:
                 self._picture.hear(name, arrival.arrival_s, arrival.payload)
         return self._picture.picture(asyncio.get_running_loop().time()), self._picture.scan_s
-
-
-class SourceWheel:
-    """The command source of the robot's teleop, for the page that drives: only one program holds it at a time.
-
-    Args:
-        source: its name.
-        most: the largest velocity [m/s] and rate [rad/s].
-    """
-
-    def __init__(self, source: str, most: tuple[float, float]) -> None:
-        self._source, self._most = source, most
-        self._holder: Holder | None = None
-
-    def join(self, bus: Bus) -> None:
-        """Use an open bus from now on."""
-        self._commands = bus.publisher(topics.source_cmd_vel(self._source))
-        self._bus = bus
-        about = f"the page of {about_this_process('station')}"
-        self._holder = Holder(bus, self._source, self._commands, about)
-
-    async def take(self) -> str:
-        if self._holder is None:
-            return "The supervisor was not found yet."
-        self._commands.begin_anew()
-        try:
-            await self._holder.claim()
-        except HeldError as error:
-            return f"The robot is driven by {error}."
-        return ""
-
-    def put(self, linear: float, angular: float, true_at_s: float) -> None:
-        most_m_s, most_rad_s = self._most
-        self._commands.put(planar_twist(most_m_s * linear, most_rad_s * angular), true_at_s)
-
-    async def reset(self) -> str:
-        try:
-            reply = await self._bus.call(topics.SUPERVISOR_RESET, timeout_s=RESET_LIMIT_S)
-        except NoReplyError:
-            return "The supervisor did not answer the reset."
-        return "" if reply.success else f"Not reset: {printable(reply.message)}"
-
-    def release(self) -> None:
-        if self._holder is not None:
-            self._holder.drop()
 
 
 def painter_of(launch: Launch) -> LivePainter | None:

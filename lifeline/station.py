@@ -20,7 +20,7 @@ from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.listen import bracketed, cannot_listen, is_loopback
 from deploy.stack.reach import check_may_stop, run_command
-from lifeline.page import SourceWheel, painter_of, wheel_of
+from lifeline.page import painter_of, wheel_of
 from station.admission import Address
 from station.driving import Driving
 from station.pairing import CODE_LIFETIME_S, Pairing
@@ -28,6 +28,7 @@ from station.relay import Relay
 from station.server import serve
 from station.visitors import MAX_VISITORS
 from station.web import Application
+from teleop.wheel import SourceWheel
 from wire.bundle import Bundle, BundleError, choose_bundle
 from wire.host.config import NAME
 from wire.host.connections import is_here

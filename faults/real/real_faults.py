@@ -10,13 +10,14 @@ from functools import partial
 from pathlib import Path
 from random import Random
 
-from faults.classes import PAIR, SILENT_BOUND_S, Group, real_classes
+from faults.classes import BY_NAME, PAIR, SILENT_BOUND_S, Group, real_classes
 from faults.injection import DRAWS, HEALED_AFTER_S, lasting
 from faults.port import Fault
 from faults.promises import KILL_MEDIAN_S
 from faults.real.rig import cable
 from faults.real.rig.stage import NODES, UNPLUGGED, Stage, StageError
 from wire import topics
+from wire.host.installation import how_to_install, require
 
 NOT_IN_PAIRS = frozenset({Group.SUPERVISORD, Group.MACHINE, Group.PAIR})
 """Each of these affects the whole stage."""
@@ -185,6 +186,11 @@ def why_not(name: str, stage: Stage) -> str | None:
     """Return why this fault cannot be injected on this machine, in one sentence; None if it can."""
     if name == UNPLUGGED:
         return cable.why_not()
+    if BY_NAME[name].group is Group.STATION:
+        try:
+            require("station")
+        except ModuleNotFoundError:
+            return how_to_install("station")
     if name == "machine_disk" and not stage.has_disk:
         return "filling the state directory needs the right to mount a small disk there (root)"
     return None

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from random import Random
 
-from faults.classes import classes_by_themselves, virtual_classes
+from faults.classes import BY_NAME, Group, classes_by_themselves, virtual_classes
 
 EPISODE_S = 7.1
 """From the first heartbeat until all faults are lifted."""
@@ -41,8 +41,18 @@ class Drivers(StrEnum):
     """The real program with a simulated operator."""
     STUBBORN = "stubborn"
     """A source with teleop's name and without any recovery: it requests motion all the time."""
+    STATION = "station"
+    """A page, by the server of a station, with a simulated operator."""
     BOTH = "both"
     """Teleop, and a source `joy` of lower priority that requests motion all the time."""
+
+
+MIXED = (Drivers.TELEOP, Drivers.STUBBORN, Drivers.BOTH)
+"""The sources of the trials that mix classes of faults."""
+
+
+BY_PAGE_REST = 2
+"""Seeds that end in 2 mix the classes while a page drives. All else is as if another source drove."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,12 +103,13 @@ def draw(seed: int) -> Scenario:
         if random.random() < PAIR_SHARE:
             faults.append(_plan(random, random.choice(names), at_s + random.uniform(0.0, PAIR_APART_S)))
         at_s += random.uniform(1.5, 4.0)
+    by_page = seed % BY_THEMSELVES_EVERY == BY_PAGE_REST
     return Scenario(
         seed,
         scene=random.choice(list(Scene)),
         movers=random.random() < 0.4,
         rectangular=random.random() < 0.25,
-        drivers=random.choices(list(Drivers), weights=(6, 3, 1))[0],
+        drivers=_driver(random, MIXED, (6, 3, 1), by_page=by_page),
         stubbornness=random.choice((0.0, 0.3, 0.7, 1.0)),
         pillars=tuple(sorted(random.uniform(1.5, EPISODE_S) for _ in range(random.choice((0, 1, 1, 2))))),
         faults=tuple(faults),
@@ -110,18 +121,26 @@ def _draw_by_itself(seed: int) -> Scenario:
     random = Random(f"{seed} by itself")  # noqa: S311 - as above
     names = [one.name for one in classes_by_themselves()]
     name = names[seed // BY_THEMSELVES_EVERY % len(names)]
+    by_page = BY_NAME[name].group is Group.STATION
     at_s = FIRST_FAULT_S + random.uniform(0.0, 0.5)
     return Scenario(
         seed,
         scene=random.choice((Scene.WAREHOUSE, Scene.EMPTY)),
         movers=False,
         rectangular=random.random() < 0.25,
-        drivers=random.choices((Drivers.TELEOP, Drivers.STUBBORN), weights=(2, 1))[0],
+        drivers=_driver(random, (Drivers.TELEOP, Drivers.STUBBORN), (2, 1), by_page=by_page),
         stubbornness=random.choice((0.0, 0.3)),
         pillars=(),
-        faults=(Planned(name, at_s, 0.0, random.uniform(*FROM_M_S)),),
+        faults=(_plan(random, name, at_s),),
         straight=True,
     )
+
+
+def _driver(
+    random: Random, drivers: tuple[Drivers, ...], weights: tuple[int, ...], *, by_page: bool
+) -> Drivers:
+    drawn = random.choices(drivers, weights)[0]
+    return Drivers.STATION if by_page else drawn
 
 
 def _plan(random: Random, name: str, at_s: float) -> Planned:

@@ -5,15 +5,18 @@ import math
 from collections import deque
 from collections.abc import Callable, Coroutine, Iterable
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 
 from faults.measure import BaseReport
+from faults.page import Page
+from faults.port import PAGE
 from faults.seen import Asked, Command, Motion, Seen, Status
 from faults.simulated.rules import RuleJudge
 from faults.simulated.scenario import Drivers, Scenario
+from faults.simulated.station import CODE, StationServer
 from faults.trial import BrokenPromise
 from sim import mj
 from sim.config import Build, Hull, SimSection
@@ -257,6 +260,8 @@ class World:
         self.velocity = (0.0, 0.0)
         """The velocity that the sources without recovery request."""
         self.keyboard: Keyboard | None = None
+        self.station: StationServer | None = None
+        self.page: Page | None = None
         self.lives: dict[str, Life] = {}
         self._ended: list[Life] = []
         self.may_reset = True
@@ -268,8 +273,11 @@ class World:
         self._mains: dict[str, Main] = {
             topics.SUPERVISOR: self._supervisor,
             topics.SIM: self._sim,
-            topics.TELEOP: self._beat if scenario.drivers is Drivers.STUBBORN else self._teleop,
+            topics.TELEOP: {Drivers.STUBBORN: self._beat, Drivers.STATION: self._station}.get(
+                scenario.drivers, self._teleop
+            ),
             JOY: self._beat,
+            PAGE: self._page,
         }
         loop.on_error = self._on_error
         self._place_robot()
@@ -295,7 +303,8 @@ class World:
         life.task.add_done_callback(lambda task: self._on_end(life, task))
 
     def start_all(self) -> None:
-        drivers = SOURCES if self.scenario.drivers is Drivers.BOTH else (topics.TELEOP,)
+        more = {Drivers.BOTH: JOY, Drivers.STATION: PAGE}.get(self.scenario.drivers)
+        drivers = (topics.TELEOP,) if more is None else (topics.TELEOP, more)
         for name in (topics.SUPERVISOR, topics.SIM, *drivers):
             self.start(name)
 
@@ -305,6 +314,8 @@ class World:
         if life is not None:
             self._ended.append(life)
             life.bus.die()
+            if self.station is not None:
+                self.station.lose(life.bus)
 
     def terminate(self, name: str) -> None:
         """SIGTERM."""
@@ -372,6 +383,27 @@ class World:
         teleop = Teleop(life.bus, setup, pilot=pilot, keys=keyboard, screen=Dark(), render=_render, wake=wake)
         await teleop.run(life.stop)
         await life.bus.close()
+
+    async def _station(self, life: Life) -> None:
+        await life.bus.connect()
+        self.station = StationServer(life.bus, self.network)
+        self.kill(PAGE)  # a new server needs a new page
+        self.start(PAGE)
+        await self.station.run(life.stop)
+        await life.bus.close()
+
+    async def _page(self, life: Life) -> None:
+        if self.station is None:
+            return
+        wake = asyncio.Event()
+        self.keyboard = keyboard = Keyboard(wake)
+        self.page = page = Page(partial(self.station.opened, life.bus), CODE)
+        running = asyncio.ensure_future(page.run())
+        running.add_done_callback(lambda task: task.result())
+        while not keyboard.ended:
+            await wake.wait()
+            wake.clear()
+            await page.press([event.key for event in keyboard.take()])
 
     async def _beat(self, life: Life) -> None:
         """Request the velocity all the time."""

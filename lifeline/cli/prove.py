@@ -178,6 +178,7 @@ def faults(
 
         wanted = tuple(name.strip() for name in classes.split(",") if name.strip())
         return runner.run(runner.Orders(trials, wanted, seed or 0, out, minutes), as_json=as_json)
+    require("station")
     from faults.simulated.runner import campaign, default_jobs, replay
 
     if seed is not None:

@@ -23,14 +23,16 @@ from faults.demands import may_be_locked_out
 from faults.simulated import runner as campaigns
 from faults.simulated import world
 from faults.simulated.runner import revision
-from faults.simulated.scenario import draw
+from faults.simulated.scenario import Drivers, draw
 from faults.simulated.trial_run import run_trial
 from faults.trial import PROVENANCE_BEGINS, Trial
 from faults.trial_file import read_trials
 from sim.config import SimSection
+from station.driving import Commands
 from supervisor.config import SupervisorSection
 from supervisor.law import interlock, permission, safety
 from supervisor.law.interlock import Source
+from teleop.wheel import SourceWheel
 from tests.component.rig import Rig, laser_scan
 from wire import topics
 
@@ -143,7 +145,7 @@ def test_a_teleop_whose_place_was_taken_while_it_hung_comes_back_by_itself(seed:
 OWN_SEEDS = {draw(seed).faults[0].name: seed for seed in range(7, 10 * len(classes_by_themselves()), 10)}
 
 
-OFTEN = {"wire_second_lidar_steady", "sim_scan_dropout", "sim_scan_frozen_odom_zero"}
+OFTEN = {"wire_second_lidar_steady", "sim_scan_dropout", "sim_scan_frozen_odom_zero", "station_page_frozen"}
 """The classes of which one trial is run after each change; all others are run with the proofs."""
 
 
@@ -166,6 +168,44 @@ def test_each_class_with_trials_of_its_own_keeps_every_promise(name: str, number
 @pytest.mark.parametrize("name", ["wire_second_lidar_steady", "sim_scan_dropout"])
 def test_what_happens_by_chance_within_a_trial_is_the_same_for_the_same_seed(name: str) -> None:
     assert run_trial(OWN_SEEDS[name]).line() == trial_of(OWN_SEEDS[name]).line()
+
+
+# --- a page that drives
+
+
+def _not_refused(*_: object) -> str:
+    return ""
+
+
+def _kept(_: object) -> None:
+    """The run of a page goes on after its connection."""
+
+
+@pytest.mark.parametrize(
+    ("name", "promise", "owner", "method", "without"),
+    [
+        ("station_page_frozen", 3, Commands, "_problem", _not_refused),
+        ("station_page_sigkill", 2, SourceWheel, "release", _kept),
+        ("station_page_garbage", 2, SourceWheel, "release", _kept),
+    ],
+)
+def test_a_server_without_one_of_its_rules_is_found(
+    name: str,
+    promise: int,
+    owner: type[object],
+    method: str,
+    without: Callable[..., object],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(owner, method, without)
+    assert promise in {violation.promise for violation in run_trial(OWN_SEEDS[name]).violations}
+
+
+def test_a_page_drives_in_the_trials_whose_seed_ends_in_2() -> None:
+    trial = trial_of(12)
+    assert draw(12).drivers is Drivers.STATION
+    assert any(fault.speed_m_s > 0.1 for fault in trial.faults), "it moved, or nothing was tried"
+    assert trial.violations == ()
 
 
 # --- the command

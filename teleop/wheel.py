@@ -1,0 +1,54 @@
+"""The command source of teleop for a driver in another program: the page of a station."""
+
+from teleop.holder import HeldError, Holder, about_this_process
+from wire import topics
+from wire.bus import Bus, NoReplyError
+from wire.messages import planar_twist
+from wire.text import printable
+
+RESET_LIMIT_S = 1.0
+
+
+class SourceWheel:
+    """The command source of the robot's teleop, for the page that drives: only one program holds it at a time.
+
+    Args:
+        source: its name.
+        most: the largest velocity [m/s] and rate [rad/s].
+    """
+
+    def __init__(self, source: str, most: tuple[float, float]) -> None:
+        self._source, self._most = source, most
+        self._holder: Holder | None = None
+
+    def join(self, bus: Bus) -> None:
+        """Use an open bus from now on."""
+        self._commands = bus.publisher(topics.source_cmd_vel(self._source))
+        self._bus = bus
+        about = f"the page of {about_this_process('station')}"
+        self._holder = Holder(bus, self._source, self._commands, about)
+
+    async def take(self) -> str:
+        if self._holder is None:
+            return "The supervisor was not found yet."
+        self._commands.begin_anew()
+        try:
+            await self._holder.claim()
+        except HeldError as error:
+            return f"The robot is driven by {error}."
+        return ""
+
+    def put(self, linear: float, angular: float, true_at_s: float) -> None:
+        most_m_s, most_rad_s = self._most
+        self._commands.put(planar_twist(most_m_s * linear, most_rad_s * angular), true_at_s)
+
+    async def reset(self) -> str:
+        try:
+            reply = await self._bus.call(topics.SUPERVISOR_RESET, timeout_s=RESET_LIMIT_S)
+        except NoReplyError:
+            return "The supervisor did not answer the reset."
+        return "" if reply.success else f"Not reset: {printable(reply.message)}"
+
+    def release(self) -> None:
+        if self._holder is not None:
+            self._holder.drop()
