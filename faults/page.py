@@ -120,10 +120,10 @@ class Page:
             try:
                 await socket.send(json.dumps(self._hello))
                 await socket.recv()
-                self._wheel = socket
+                self._wheel, self._held = socket, NOTHING
                 await _until_one_ends(self._listen(socket), self._beat(BEAT_S, self._command))
             finally:
-                self._wheel, self._held = None, NOTHING
+                self._wheel = None
 
     async def _listen(self, socket: Connection) -> NoReturn:
         """What the server refuses is released, as long as the page works."""

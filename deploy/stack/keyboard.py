@@ -74,7 +74,7 @@ class Screen:
 
 
 class TypedTeleop:
-    """A teleop process. Its keys and its screen are two terminals, which can be closed separately.
+    """A process of teleop, or of another program with keys. Its keys and its screen are two terminals, which can be closed separately.
 
     It is spawned, not forked: a fork would inherit this process's Zenoh session.
 

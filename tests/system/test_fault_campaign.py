@@ -78,7 +78,9 @@ def campaign() -> Generator[Campaign]:
 
 @pytest.mark.timed
 def test_one_fault_of_each_kind_is_done_measured_and_kept(campaign: Campaign) -> None:
-    classes = "teleop_sigkill,supervisor_sigkill,sim_scan_nan,net_healed,wire_rogue_cmd_vel"
+    classes = (
+        "teleop_sigkill,supervisor_sigkill,sim_scan_nan,net_healed,station_page_sigkill,wire_rogue_cmd_vel"
+    )
     code, said = campaign.run("--classes", classes, "--trials", "1", "--seed", "3")
     print(said)
     assert code == 0, said
@@ -88,10 +90,12 @@ def test_one_fault_of_each_kind_is_done_measured_and_kept(campaign: Campaign) ->
     for trial in trials.values():
         assert (trial.mode, trial.seed, trial.contacts) == ("real", 3, 0)
         assert trial.faults[0].speed_m_s >= 0.25, "it moved, or nothing was measured"
-    killed, healed = trials["teleop_sigkill"].faults[0], trials["net_healed"].faults[0]
-    assert killed.detector == "SOURCE_LOST"
-    assert killed.to_zero_s is not None
-    assert killed.to_zero_s < 0.06
+    healed = trials["net_healed"].faults[0]
+    for name in ("teleop_sigkill", "station_page_sigkill"):
+        killed = trials[name].faults[0]
+        assert killed.detector == "SOURCE_LOST"
+        assert killed.to_zero_s is not None
+        assert killed.to_zero_s < 0.06
     assert healed.to_zero_s is not None
     assert 0.1 < healed.to_zero_s < 0.3
     assert float(trials["supervisor_sigkill"].faults[0].parameters["to_wheels_s"]) < 0.06
@@ -101,11 +105,11 @@ def test_one_fault_of_each_kind_is_done_measured_and_kept(campaign: Campaign) ->
     assert "every promise was kept" in write_report([campaign.out], page).sentence
     assert all(trial.timeline for trial in trials.values())
     # A refused write on cmd_vel need not stop anything; then there is no time and no picture.
-    assert 4 <= page.read_text().count("<figure><svg") <= 5
+    assert 5 <= page.read_text().count("<figure><svg") <= 6
     page.unlink()
 
     code, said = campaign.run("--classes", classes, "--trials", "1", "--seed", "3")
-    assert (code, len(list(read_trials(campaign.out)))) == (0, 5), "what is there is not done again"
+    assert (code, len(list(read_trials(campaign.out)))) == (0, 6), "what is there is not done again"
     assert "starting" not in said
 
 

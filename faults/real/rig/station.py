@@ -95,6 +95,7 @@ class StationOperator:
         if not self._server.running:
             return False
         self._end_page()
+        self._opening.cancel()
         before = self._address
         self._server.press(NEW_CODE_KEY)
         self._opening = asyncio.ensure_future(self._open(before))
