@@ -1,4 +1,7 @@
-"""The server of a station and its page on the virtual clock: the real application and the page, without HTTP, TLS and a browser."""
+"""The server of a station on the virtual clock: the real application, to which a page opens simulated websockets.
+
+HTTP, TLS, the limits for strangers, the content of the pictures and the browser are not simulated, and no link to the page fails slowly.
+"""
 
 import asyncio
 import math

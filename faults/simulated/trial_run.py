@@ -11,6 +11,7 @@ from contextlib import contextmanager
 
 from faults.demands import Done, asked_age_s, demands, may_be_locked_out, tolerance_m
 from faults.measure import NOTICED_WITHIN_S, injected, stop_after
+from faults.port import PAGE
 from faults.promises import Bounds, Demand, Kind, violations
 from faults.seen import Seen
 from faults.simulated.fault_injection import Injector
@@ -105,8 +106,9 @@ async def mend(world: World, injector: Injector) -> None:
     for life in list(world.lives.values()):
         world.let_go(life)
     names = {one.name for one in injector.finished()}
-    if world.scenario.drivers is Drivers.STUBBORN and may_be_locked_out(names):
-        world.kill(topics.TELEOP)
+    begins_anew = {Drivers.STUBBORN: topics.TELEOP, Drivers.STATION: PAGE}.get(world.scenario.drivers)
+    if begins_anew is not None and may_be_locked_out(names):
+        world.kill(begins_anew)
     world.start_all()
     await injector.mend_sensors()
     while True:  # what ends only now is started again as well

@@ -208,6 +208,13 @@ def test_a_page_drives_in_the_trials_whose_seed_ends_in_2() -> None:
     assert trial.violations == ()
 
 
+def test_a_page_whose_place_was_taken_while_its_server_hung_drives_again_when_it_is_opened_again() -> None:
+    """Found by the campaign: it was refused until the person opened a new page."""
+    trial = run_trial(9412)
+    assert may_be_locked_out({fault.fault for fault in trial.faults})
+    assert trial.violations == ()
+
+
 # --- the command
 
 
