@@ -50,7 +50,6 @@ class Drivers(StrEnum):
 MIXED = (Drivers.TELEOP, Drivers.STUBBORN, Drivers.BOTH)
 """The sources of the trials that mix classes of faults."""
 
-
 BY_PAGE_REST = 2
 """Seeds that end in 2 mix the classes while a page drives. All else is as if another source drove."""
 

@@ -469,6 +469,7 @@ class Stage:
         self._order_page({"garbage": "", "seed": 0})
 
     def _order_page(self, order: dict[str, str | int | bool]) -> float:
+        self.pid(PAGE)  # without a page, it fails
         now_s = time.monotonic()
         self.station.order(order)
         return now_s

@@ -2,12 +2,13 @@
 
 import itertools
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from deploy.stack.errors import DeployError
 from faults.classes import real_classes
-from faults.real.real_faults import planned
+from faults.real.real_faults import planned, why_not
 from faults.real.rig.stage import Route, routes_for
 from faults.real.runner import (
     KEPT_TIMELINES,
@@ -20,6 +21,7 @@ from faults.real.runner import (
     untried,
 )
 from faults.trial import BrokenPromise, Injected, Sample, Trial
+from wire.host.installation import EXTRAS
 
 NAMES = tuple(one.name for one in real_classes())
 
@@ -91,6 +93,21 @@ def test_the_same_seed_plans_the_same_faults(name: str) -> None:
         teleop, sim = routes_for([one for one, _ in first])
         assert sim is not Route.CABLE
         assert teleop is not Route.CABLE or name == "net_unplugged"
+
+
+def test_a_page_takes_the_place_of_teleop_in_the_classes_of_the_station_only() -> None:
+    by_page = {name for name in NAMES if name != "pair" and routes_for([name])[0] is Route.STATION}
+    assert by_page == {name for name in NAMES if name.startswith("station_")}
+    assert len(by_page) == 7
+
+
+def test_without_the_packages_of_the_station_its_classes_are_skipped_with_a_sentence(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stage: Any = None  # it is not looked at
+    assert why_not("station_sigkill", stage) is None
+    monkeypatch.setitem(EXTRAS, "station", ("no_such_module",))
+    assert "install lifeline[station]" in str(why_not("station_sigkill", stage))
 
 
 def test_a_campaign_that_is_all_there_starts_nothing(
