@@ -15,6 +15,7 @@ from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import MemoryRecord, Record
 from supervisor.law.model import LawConfig
+from supervisor.people import People
 from supervisor.service import SupervisorService
 from virtual.network import VirtualBus, VirtualNetwork
 from wire import messages, topics
@@ -70,6 +71,7 @@ class Rig:
         suspended_s: Callable[[], float] = never_suspended,
         law: LawConfig | None = None,
         base_record: BaseRecord | None = None,
+        people: People | None = None,
     ) -> AsyncGenerator[VirtualBus]:
         bus = self.network.open_joined(topics.SUPERVISOR)
         stop = asyncio.Event()
@@ -82,6 +84,7 @@ class Rig:
             suspended_s,
             law=law,
             base_record=base_record,
+            people=people,
         )
         running = asyncio.create_task(service.run(stop))
         try:
