@@ -165,7 +165,7 @@ def view(station: str, endpoint: str, status: SafetyStatus | None, driver: str, 
     if status is None:
         problem = f"Waiting for the supervisor at {printable(endpoint)}."
     elif has_rival:
-        problem = f"Another page or program is the station {station}: close it, or use another name."
+        problem = f"Another page or program is the station {station}: a press here stops the robot, too."
     elif own is None:
         problem = f"The supervisor has no station {station}: add it to [[supervisor.estop_stations]]."
     else:

@@ -12,11 +12,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from supervisor.base_record import BaseFile, BaseRecord
+from supervisor.blackbox.people import People
 from supervisor.blackbox.recorder import BlackBox, ThreadWriter
 from supervisor.config import SupervisorSection, fit_to_base, is_base_known, is_simulated
 from supervisor.estop_record import EstopRecord, RecordFiles, record_path
 from supervisor.law.model import LawConfig
-from supervisor.people import People
 from supervisor.service import SupervisorService
 from wire.host.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.host.config import BaseSection, BusSection, ConfigError, Section, read_sections

@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from supervisor.base_record import BaseRecord, Shown
+from supervisor.blackbox.people import People
 from supervisor.blackbox.recorder import StepRecorder
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import NO_DISK, PRESSED, MemoryRecord, Record
@@ -38,7 +39,6 @@ from supervisor.messages import (
     to_status,
     to_twist,
 )
-from supervisor.people import People
 from wire import topics
 from wire.bus import Bus
 from wire.host.notify import Notifier

@@ -25,12 +25,12 @@ from typing import Any, Protocol
 import numpy as np
 
 from supervisor.blackbox.file import LAW, Order, Steps, pack_state, pack_step, write
+from supervisor.blackbox.people import People
 from supervisor.law.base_motion import moves
 from supervisor.law.decision import Decision, Mode
 from supervisor.law.model import Inputs, LawConfig
 from supervisor.law.reckoning import STANDSTILL
 from supervisor.law.state import State
-from supervisor.people import People
 from wire.host.config import absolute
 from wire.reasons import SEVERITY, StopReason
 from wire.topics import SCAN

@@ -11,11 +11,11 @@ from sim.config import SimSection
 from sim.plant import Plant
 from sim.service import SimService
 from supervisor.base_record import BaseRecord
+from supervisor.blackbox.people import People
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import MemoryRecord, Record
 from supervisor.law.model import LawConfig
-from supervisor.people import People
 from supervisor.service import SupervisorService
 from virtual.network import VirtualBus, VirtualNetwork
 from wire import messages, topics

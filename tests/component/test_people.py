@@ -9,10 +9,10 @@ from pathlib import Path
 from lifeline.page import SourceWheel
 from station.driving import Driving, Person, Pictures
 from station.messages import Wanted
+from supervisor.blackbox.people import MAX_ACTS, MAX_LENGTH, PERIOD_S, People
 from supervisor.blackbox.reader import BlackBoxReader
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
-from supervisor.people import MAX_ACTS, MAX_LENGTH, PERIOD_S, People
 from tests.component.rig import Rig
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, WriterAtOnce
 from virtual.network import VirtualBus
