@@ -22,6 +22,8 @@ STEP = 0.1
 KEYS = {"w": (STEP, 0.0), "x": (-STEP, 0.0), "a": (0.0, STEP), "d": (0.0, -STEP)}
 RELEASING_KEYS = ("s", "r")
 NOTHING = (0.0, 0.0)
+NAME = json.dumps({"name": "operator"})
+"""Of the person, without which the server lets nobody drive."""
 LEASE = json.dumps({"challenge": "1", "response": "0", "stop": False})
 """Of a station that the supervisor does not know, and therefore does not challenge."""
 CONNECTIONS = ("lease", "picture", "drive")
@@ -59,6 +61,8 @@ class Page:
         self._stale_number: int | None = None
         self._garbage_on, self._random = "", Random(0)  # noqa: S311 - to be repeated is what it is for
         self._wheel: Connection | None = None
+        self._drives = False
+        """Whether the server lets it drive; until then, it holds nothing."""
 
     # --- what happens to it
 
@@ -67,7 +71,7 @@ class Page:
         for key in keys:
             linear, angular = KEYS.get(key, NOTHING)
             held = (_share(self._held[0] + linear), _share(self._held[1] + angular))
-            self._held = NOTHING if key in RELEASING_KEYS else held
+            self._held = held if self._drives and key not in RELEASING_KEYS else NOTHING
         with suppress(ConnectionError):  # the works of the page notice it, too
             await self._command()
             if "r" in keys:
@@ -90,6 +94,7 @@ class Page:
                 async with self._connect("lease") as socket:
                     await socket.send(json.dumps(self._hello))
                     self._hello = {"token": json.loads(await socket.recv())["token"]}
+                    await socket.send(NAME)
                     beat = self._beat(PRESENCE_PERIOD_S, lambda: self._put(socket, "lease", LEASE))
                     await _until_one_ends(
                         beat, _ignore(socket), self._again(self._draw), self._again(self._drive)
@@ -119,16 +124,18 @@ class Page:
         async with self._connect("drive") as socket:
             try:
                 await socket.send(json.dumps(self._hello))
-                await socket.recv()
                 self._wheel, self._held = socket, NOTHING
                 await _until_one_ends(self._listen(socket), self._beat(BEAT_S, self._command))
             finally:
-                self._wheel = None
+                self._wheel, self._drives = None, False
 
     async def _listen(self, socket: Connection) -> NoReturn:
         """What the server refuses is released, as long as the page works."""
         while True:
-            if json.loads(await socket.recv())["sentence"] and self._stale_number is None:
+            message = json.loads(await socket.recv())
+            if message["kind"] == "turn":
+                self._drives = message["drives"]
+            elif message["sentence"] and self._stale_number is None:
                 self._held = NOTHING
                 await self._command()
 

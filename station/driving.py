@@ -1,5 +1,6 @@
-"""One page at a time drives the robot, as a command source like any other.
+"""One person at a time drives the robot, as a command source like any other; others ask, and get the wheel in this order.
 
+A driver hands over, or loses the wheel after `IDLE_S` without a request for motion: whoever asks waits no longer than this.
 Every command is one message of the page, sent on at once, with the page's own time as its stamp: the server repeats nothing, and
 renews no age. A command must carry the number of the newest picture that the page has drawn; if that picture is too old, zero is
 sent instead, until the page itself has sent zero. The source ends with the page's connection.
@@ -7,14 +8,19 @@ sent instead, until the page itself has sent zero. The source ends with the page
 
 import math
 from collections import OrderedDict
+from dataclasses import dataclass
 from typing import Protocol
 
+from station import messages
 from station.messages import BadMessageError, Wanted
 
 STALE_S = 0.3
 """A command on an older picture is refused, counted from its oldest scan by the server's clock."""
 MAX_PICTURES = 64
 """The numbers that are remembered; a page draws at most 20 a second."""
+IDLE_S = 30.0
+"""A driver who requests no motion for longer loses the wheel: enough to look around, to read that another person asks and to
+touch the stick; and short enough to wait for a driver who has left the page open."""
 
 
 class Wheel(Protocol):
@@ -34,6 +40,10 @@ class Wheel(Protocol):
 
     def release(self) -> None:
         """End the run at once: the robot stops if it drives."""
+        ...
+
+    def tell(self, act: str) -> None:
+        """Keep what a person did, for the incidents."""
         ...
 
 
@@ -111,34 +121,102 @@ class Commands:
         return "Let go first." if self._needs_zero else ""
 
 
+@dataclass(eq=False, slots=True)
+class Person:
+    """Who drives or asks to, at one page; compared by identity."""
+
+    name: str
+    commands: Commands
+    moved_s: float = -math.inf
+    """When the person last requested motion, or began to drive."""
+    ending: str = ""
+    """How the turn ends, for the incidents; empty before it begins."""
+
+
 class Driving:
-    """Gives the wheel to one page at a time.
+    """Gives the wheel to one person at a time. All times are of one monotonic clock.
 
     Args:
         wheel: the command source.
     """
 
     def __init__(self, wheel: Wheel) -> None:
-        self._wheel = wheel
-        self._driver: object | None = None
+        self._wheel, self.tell = wheel, wheel.tell
+        self._people: list[Person] = []
+        """The first one drives, or is next; the others ask."""
+        self._driver: Person | None = None
 
-    async def take(self, page: object) -> str:
-        """Let a page drive; return why it may not, or an empty text. The caller releases it in every case."""
-        if self._driver is not None:
-            return "Another page drives."
-        self._driver = page
-        return await self._wheel.take()
+    @property
+    def driver(self) -> str:
+        """The name of the person who has the wheel; empty: nobody."""
+        return "" if self._driver is None else self._driver.name
 
-    def commands(self) -> Commands:
-        """Return what hears the page that drives."""
-        return Commands(self._wheel)
+    @property
+    def _asker(self) -> str:
+        return self._people[1].name if len(self._people) > 1 else ""
 
-    async def reset(self) -> str:
-        """Reset a latched e-stop; return the answer as a sentence."""
+    def enter(self, name: str) -> Person:
+        """Let a person ask to drive; the caller ends this with `leave` in every case."""
+        person = Person(name, Commands(self._wheel))
+        if self._people:
+            self.tell(f"{name} asked to drive")
+        self._people.append(person)
+        return person
+
+    async def take(self, person: Person, now_s: float) -> str:
+        """Let a person drive who is next, if nobody drives; return why the wheel cannot be taken, or an empty text."""
+        if self._driver is not None or self._people[0] is not person:
+            return ""
+        self._driver, person.moved_s = person, now_s
+        if not (problem := await self._wheel.take()):
+            person.ending = "ended driving"
+            self.tell(f"{person.name} began to drive")
+        return problem
+
+    def hear(self, person: Person, wanted: Wanted, pictures: Pictures | None, now_s: float) -> str:
+        """Send the driver's command on, as `Commands.hear`; that of another person has no effect."""
+        if self._driver is not person:
+            return ""
+        if (wanted.linear, wanted.angular) != (0.0, 0.0):
+            person.moved_s = now_s
+        return person.commands.hear(wanted, pictures, now_s)
+
+    async def reset(self, person: Person) -> str:
+        """Reset a latched e-stop for the driver; return the answer as a sentence."""
+        if self._driver is not person:
+            return "Only the driver resets."
+        self.tell(f"{person.name} requested a reset")
         return await self._wheel.reset()
 
-    def release(self, page: object) -> None:
-        """End the run of a page, unless it has ended before."""
-        if self._driver is page:
+    def ending(self, person: Person, now_s: float, *, hands_over: bool) -> str:
+        """Return why a driver's turn ends now, as a sentence; empty: it goes on. The caller then lets the person leave."""
+        if self._driver is not person:
+            return ""
+        if now_s - person.moved_s > IDLE_S:
+            person.ending = f"lost control after {IDLE_S:.0f} s without motion"
+        elif hands_over and self._asker:
+            person.ending = f"handed over to {self._asker}"
+        else:
+            return ""
+        return f"You {person.ending}."
+
+    def turn(self, person: Person, now_s: float) -> str:
+        """Return what the page of a person shows about whose turn it is, as a message."""
+        if self._driver is None:
+            return messages.turn("", drives=False, is_asked=False)
+        left_s = math.ceil(self._driver.moved_s + IDLE_S - now_s)
+        if self._driver is not person:
+            sentence = f"You asked {self.driver}, who loses control after {left_s} s without motion."
+            return messages.turn(sentence, drives=False, is_asked=False)
+        asker = self._asker
+        sentence = asker and f"{asker} asks to drive. Without motion, you lose control in {left_s} s."
+        return messages.turn(sentence, drives=True, is_asked=asker != "")
+
+    def leave(self, person: Person) -> None:
+        """End the turn or the question of a person; a driver's run ends at once."""
+        self._people.remove(person)
+        if self._driver is person:
             self._driver = None
             self._wheel.release()
+            if person.ending:
+                self.tell(f"{person.name} {person.ending}")

@@ -2,8 +2,9 @@
 
 The first message of a page is `{"code": ...}` or `{"token": ...}`; the server answers with a welcome. From then on, the page
 sends its side of the lease, `{"challenge", "response", "stop"}`, and receives the supervisor's side, and what else it shows.
-On a second connection, it receives pictures, and answers each with `{"drawn": ...}`. On a third one, it drives with
-`{"linear", "angular", "time_s", "picture"}`, and resets the e-stop with `{"reset": true}`.
+It may also send the person's name, `{"name": ...}`.
+On a second connection, it receives pictures, and answers each with `{"drawn": ...}`. On a third one, it asks to drive, drives with
+`{"linear", "angular", "time_s", "picture"}`, and requests `{"request": "reset"}` of the e-stop or `{"request": "hand_over"}`.
 The numbers of a lease have 64 bits, more than a JavaScript number, and are texts of digits.
 """
 
@@ -19,6 +20,8 @@ from wire.text import printable
 MAX_MESSAGE_BYTES = 512
 MAX_SECRET = 64
 """Characters of a code or a token."""
+MAX_NAME = 24
+"""Characters of a person's name; a websocket's closing reason with it has at most 123 bytes."""
 MAX_NUMBER = (1 << 64) - 1
 MAX_TIME_S = 1e9
 """Of a page's clock, which begins when the page is loaded."""
@@ -57,8 +60,8 @@ def read_hello(text: str) -> tuple[str, str]:
             raise BadMessageError("not the first message of a page")
 
 
-def read_lease(text: str) -> EstopLease:
-    """Return the page's side of the lease. A page never says that it leaves: its end is always a loss.
+def read_lease(text: str) -> EstopLease | str:
+    """Return the page's side of the lease, or the person's name. A page never says that it leaves: its end is always a loss.
 
     Raises:
         BadMessageError: it is not one.
@@ -66,6 +69,8 @@ def read_lease(text: str) -> EstopLease:
     match fields := _fields(text):
         case {"challenge": str(challenge), "response": str(response), "stop": bool(stop)} if len(fields) == 3:
             return EstopLease(_number(challenge), _number(response), stop=stop)
+        case {"name": str(name)} if len(fields) == 1 and len(name) <= MAX_NAME:
+            return printable(name.strip())
         case _:
             raise BadMessageError("not a lease")
 
@@ -83,15 +88,15 @@ def read_drawn(text: str) -> int:
             raise BadMessageError("not the number of a picture")
 
 
-def read_wanted(text: str) -> Wanted | None:
-    """Return the command of a page that drives; None: the person asks for a reset of the e-stop.
+def read_wanted(text: str) -> Wanted | str:
+    """Return the command or the request of a page that drives.
 
     Raises:
         BadMessageError: it is not one.
     """
     match fields := _fields(text):
-        case {"reset": True} if len(fields) == 1:
-            return None
+        case {"request": str(request)} if len(fields) == 1 and request in {"reset", "hand_over"}:
+            return request
         case {
             "linear": int() | float() as linear,
             "angular": int() | float() as angular,
@@ -108,6 +113,11 @@ def read_wanted(text: str) -> Wanted | None:
 def told(sentence: str) -> str:
     """Return what a page that drives, or wants to, is told; an empty text: its commands are sent on."""
     return json.dumps({"kind": "told", "sentence": sentence})
+
+
+def turn(sentence: str, *, drives: bool, is_asked: bool) -> str:
+    """Return whether a page drives or waits, whether another one asks it to hand over, and a sentence about both."""
+    return json.dumps({"kind": "turn", "sentence": sentence, "drives": drives, "asked": is_asked})
 
 
 def _fields(text: str) -> dict[str, object]:
@@ -140,13 +150,14 @@ def is_latched(status: SafetyStatus) -> bool:
     return StopReason.ESTOP in status.reasons
 
 
-def view(station: str, endpoint: str, status: SafetyStatus | None, *, has_rival: bool) -> str:
+def view(station: str, endpoint: str, status: SafetyStatus | None, driver: str, *, has_rival: bool) -> str:
     """Return what a page shows besides its lease.
 
     Args:
         station: the name of the station.
         endpoint: of the supervisor.
         status: the newest one; None if it is missing or outdated.
+        driver: the name of the person who drives; empty: nobody.
         has_rival: whether another page or program is the same station.
     """
     stations = [] if status is None else status.estop_stations
@@ -154,7 +165,7 @@ def view(station: str, endpoint: str, status: SafetyStatus | None, *, has_rival:
     if status is None:
         problem = f"Waiting for the supervisor at {printable(endpoint)}."
     elif has_rival:
-        problem = f"Another page or program is the station {station}: close it, or use another name."
+        problem = f"Another page or program is the station {station}: a press here stops the robot, too."
     elif own is None:
         problem = f"The supervisor has no station {station}: add it to [[supervisor.estop_stations]]."
     else:
@@ -164,5 +175,6 @@ def view(station: str, endpoint: str, status: SafetyStatus | None, *, has_rival:
         "reasons": "" if status is None else printable(status.why()),
         "latched": status is not None and is_latched(status),
         "required": own is not None and own.required,
+        "driver": driver,
     }
     return json.dumps({"kind": "view", **fields})

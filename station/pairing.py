@@ -21,6 +21,8 @@ class Session:
 
     token: str
     ends_s: float
+    name: str = ""
+    """Of the person, as the page says; empty: unknown."""
 
 
 class Pairing:

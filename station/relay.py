@@ -62,6 +62,8 @@ class Relay:
         self._bus: Bus | None = None
         self._newest: tuple[float, SafetyStatus] | None = None
         self._next_show_s = 0.0
+        self.driver = ""
+        """The name of the person who drives, for the pages."""
 
     @property
     def is_full(self) -> bool:
@@ -157,7 +159,7 @@ class Relay:
             for run in self._runs:
                 own = set[bytes]() if run.presence is None else {run.presence.epoch}
                 rivals, status = self._epochs - own, self._status()
-                text = messages.view(self._name, self._endpoint, status, has_rival=bool(rivals))
+                text = messages.view(self._name, self._endpoint, status, self.driver, has_rival=bool(rivals))
                 run.page.show("view", text)
 
     def _status(self) -> SafetyStatus | None:

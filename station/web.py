@@ -19,9 +19,9 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from station import gallery, messages
 from station.admission import RESPONSE_HEADERS, Address
-from station.driving import Driving, Pictures
+from station.driving import Driving, Person, Pictures
 from station.gallery import Painter
-from station.messages import BadMessageError
+from station.messages import BadMessageError, Wanted
 from station.pairing import Pairing, Session
 from station.relay import MAX_PAGES, Relay, Run
 from station.visitors import Visitor
@@ -43,9 +43,9 @@ MAX_MESSAGES_PER_S = 100
 """A page sends about 20 a second: the answers to the challenges; or, if it drives, about 33, and one for each thing
 that is held or released."""
 COMMAND_LIMIT_S = 0.5
-"""A page that drives and is silent for longer loses the wheel; the robot has stopped long before."""
+"""A page that drives, or asks to, and is silent for longer loses its turn; the robot has stopped long before."""
 MAX_REASON = 120
-"""Characters of the reason for which a websocket is closed."""
+"""Bytes of the reason for which a websocket is closed."""
 
 
 class ClosingError(Exception):
@@ -61,6 +61,7 @@ BAD_MESSAGE = ClosingError(4400, "The page's messages were refused.")
 SILENT = ClosingError(4408, "The page was silent.")
 REPLACED = ClosingError(4409, "The page has a newer connection.")
 NO_DRIVING = ClosingError(4405, "This station does not drive: start it with --drive.")
+NO_NAME = ClosingError(4403, "Enter your name first.")
 NO_PICTURE = ClosingError(4404, "This station shows no pictures.")
 TOO_MANY_PAGES = ClosingError(4429, "Too many pages of this station are open: close one.")
 
@@ -219,7 +220,7 @@ class Application:
         self._say(f"{self._name}: a page is connected")
         writing = asyncio.ensure_future(socket.write())
         try:
-            await self._hold(socket, run)
+            await self._hold(socket, run, session)
         finally:
             visitor.leave(asyncio.get_running_loop().time())
             self._relay.leave(run)
@@ -244,40 +245,55 @@ class Application:
             visitor.leave(asyncio.get_running_loop().time())
 
     async def _drive(self, socket: Socket, visitor: Visitor) -> None:
-        """Let a page drive that holds its lease now, until the connection ends, or the server ends it with an error."""
+        """Let a page ask to drive, and drive, that holds its lease now, until the connection ends, or the server ends it with an error."""
         session = await self._session(socket)
         if self._driving is None:
             raise NO_DRIVING
-        loop = asyncio.get_running_loop()
-        writing = resetting = None
+        if not session.name:
+            raise NO_NAME
         visitor.stay()
+        person = self._driving.enter(session.name)
+        writing = asyncio.ensure_future(socket.write())
         try:
-            if problem := await self._driving.take(socket):
-                raise ClosingError(4423, problem[:MAX_REASON])
-            commands, told = self._driving.commands(), ""
-            socket.show("told", messages.told(""))
-            writing = asyncio.ensure_future(socket.write())
-            allowance = Allowance(loop.time())
+            await self._follow(socket, session, self._driving, person)
+        finally:
+            self._driving.leave(person)
+            self._relay.driver = self._driving.driver
+            visitor.leave(asyncio.get_running_loop().time())
+            writing.cancel()
+
+    async def _follow(self, socket: Socket, session: Session, driving: Driving, person: Person) -> None:
+        """Follow a person who asks to drive, and then drives, until the turn ends."""
+        loop = asyncio.get_running_loop()
+        allowance = Allowance(loop.time())
+        told, shown, resetting = "", "", None
+        try:
             while True:
-                wanted = messages.read_wanted(await socket.read(COMMAND_LIMIT_S))
+                heard = messages.read_wanted(await socket.read(COMMAND_LIMIT_S))
                 if session not in self._runs:  # its lease may have ended while it was read
                     return
-                if wanted is None:
-                    resetting = asyncio.ensure_future(self._reset(socket))
-                elif (problem := commands.hear(wanted, self._pictures.get(session), loop.time())) != told:
-                    told = problem
-                    socket.show("told", messages.told(problem))
                 allowance.spend(loop.time())
+                if problem := await driving.take(person, loop.time()):
+                    raise ClosingError(4423, problem.encode()[:MAX_REASON].decode(errors="ignore"))
+                self._relay.driver = driving.driver
+                if isinstance(heard, Wanted):
+                    problem = driving.hear(person, heard, self._pictures.get(session), loop.time())
+                    if problem != told:
+                        told = problem
+                        socket.show("told", messages.told(problem))
+                elif heard == "reset":
+                    resetting = asyncio.ensure_future(self._reset(socket, driving, person))
+                if ending := driving.ending(person, loop.time(), hands_over=heard == "hand_over"):
+                    raise ClosingError(4410, ending)
+                if (turn := driving.turn(person, loop.time())) != shown:
+                    shown = turn
+                    socket.show("turn", turn)
         finally:
-            self._driving.release(socket)
-            visitor.leave(loop.time())
-            for task in (writing, resetting):
-                if task is not None:
-                    task.cancel()
+            if resetting is not None:
+                resetting.cancel()
 
-    async def _reset(self, socket: Socket) -> None:
-        assert self._driving is not None
-        socket.show("told", messages.told(await self._driving.reset()))
+    async def _reset(self, socket: Socket, driving: Driving, person: Person) -> None:
+        socket.show("told", messages.told(await driving.reset(person)))
 
     async def _session(self, socket: Socket) -> Session:
         """Return the session of a page that holds its lease now.
@@ -302,13 +318,19 @@ class Application:
             raise NOT_PAIRED
         return session
 
-    async def _hold(self, socket: Socket, run: Run) -> None:
+    async def _hold(self, socket: Socket, run: Run, session: Session) -> None:
         loop = asyncio.get_running_loop()
         allowance = Allowance(loop.time())
         while True:
-            lease = messages.read_lease(await socket.read())
-            if not self._relay.hear(run, lease):
-                raise REPLACED
+            heard = messages.read_lease(await socket.read())
+            if isinstance(heard, str):
+                session.name = heard
+            else:
+                was_pressed = run.is_pressed
+                if not self._relay.hear(run, heard):
+                    raise REPLACED
+                if self._driving is not None and run.is_pressed and not was_pressed:
+                    self._driving.tell(f"{session.name or 'a person without a name'} pressed the e-stop")
             allowance.spend(loop.time())
 
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from supervisor.base_record import BaseFile, BaseRecord
+from supervisor.blackbox.people import People
 from supervisor.blackbox.recorder import BlackBox, ThreadWriter
 from supervisor.config import SupervisorSection, fit_to_base, is_base_known, is_simulated
 from supervisor.estop_record import EstopRecord, RecordFiles, record_path
@@ -48,12 +49,12 @@ def open_record(directory: Path, namespace: str) -> EstopRecord:
     return record
 
 
-def black_box(config: SupervisorSection, law: LawConfig) -> BlackBox:
+def black_box(config: SupervisorSection, law: LawConfig, people: People | None = None) -> BlackBox:
     """Return the black box for a configuration."""
     directory = state_directory() / "blackbox" if config.black_box_dir is None else Path(config.black_box_dir)
     writer = ThreadWriter(directory, max_files=config.black_box_files)
     lidar_topics = [lidar.topic for lidar in config.all_lidars()]
-    return BlackBox(law, writer, window_s=config.black_box_s, lidar_topics=lidar_topics)
+    return BlackBox(law, writer, window_s=config.black_box_s, lidar_topics=lidar_topics, people=people)
 
 
 def main() -> None:
@@ -73,7 +74,8 @@ def main() -> None:
         bus_section, config = sections[BusSection], sections[SupervisorSection]
         contract = config.contract(bus_section.more_keys)
         law = config.law(is_base_known=is_base_known(document), are_mounts_known=is_simulated(document))
-        recorder, directory = black_box(config, law), state_directory()
+        people = People()
+        recorder, directory = black_box(config, law, people), state_directory()
     except ConfigError as error:
         refuse("supervisor", error)
     log_to_stderr()
@@ -93,7 +95,9 @@ def main() -> None:
             record = await asyncio.to_thread(open_record, directory, bus_section.namespace)
             suspended_s = SuspendMeter().suspended_s
             shown = await asyncio.to_thread(BaseRecord, BaseFile(directory, bus_section.namespace, law))
-            service = SupervisorService(bus, config, recorder, record, suspended_s, notifier, law, shown)
+            service = SupervisorService(
+                bus, config, recorder, record, suspended_s, notifier, law, shown, people
+            )
             watching = asyncio.ensure_future(_is_socket_gone(bus_section.endpoint, stop))
             await service.run(stop)
             is_gone = watching.done() and watching.result()

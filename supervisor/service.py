@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from supervisor.base_record import BaseRecord, Shown
+from supervisor.blackbox.people import People
 from supervisor.blackbox.recorder import StepRecorder
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import NO_DISK, PRESSED, MemoryRecord, Record
@@ -75,6 +76,7 @@ class SupervisorService:
         notifier: reports that the loop runs, after each decision; None reports nothing.
         law: the configuration of the law; None: that of `config`, which then describes the base.
         base_record: keeps what motion shows of the robot across restarts; None keeps nothing.
+        people: keeps what people did, for the black box; None asks nobody.
     """
 
     def __init__(
@@ -87,8 +89,9 @@ class SupervisorService:
         notifier: Notifier | None = None,
         law: LawConfig | None = None,
         base_record: BaseRecord | None = None,
+        people: People | None = None,
     ) -> None:
-        self._bus = bus
+        self._bus, self._people = bus, people
         self._notifier = Notifier() if notifier is None else notifier
         self._black_box = black_box
         self._suspended_s = suspended_s
@@ -177,6 +180,8 @@ class SupervisorService:
             self._estop_record.close()
             if self._base_record is not None:
                 self._base_record.close()
+            if self._people is not None:
+                self._people.close()
             if self._black_box is not None:
                 self._black_box.close()
 
@@ -198,7 +203,7 @@ class SupervisorService:
             self._command(early, now_s)  # before the step, which takes longer than the rest of the turn
         before = self._state
         self._state, decision = step(before, now_s, inputs)
-        self._note_press(inputs, before)
+        self._note_people(inputs, before)
         self._publish(decision, now_s, is_due=on_tick and early is None)
         if early is not None and early != decision.output:
             self._distrust(early, decision)
@@ -289,14 +294,24 @@ class SupervisorService:
         name = topics.ROS2 if topics.ROS2 in names else next(iter(names), "another program")
         return self._station_of.get(name, name)
 
-    def _note_press(self, inputs: Inputs, before: State) -> None:
-        """Note for people who presses the e-stop and when, until its reset."""
+    def _note_people(self, inputs: Inputs, before: State) -> None:
+        """Note for people who presses the e-stop and when, until its reset; and who drives, when a run begins or ends."""
+        if any(change.epoch for change in inputs.liveliness):
+            self._ask_people()
         if self._state.interlock.estop and not before.interlock.estop:
             station = next((one.station for one in inputs.presences if one.stop), "another program")
             when = time.strftime("%Y-%m-%d %H:%M:%S")
             self._estop_record.by = f"{PRESSED} {self._pressing or station}, {when}"
+            self._ask_people("e-stop", f"{PRESSED} {self._pressing or station}")
         elif before.interlock.estop and not self._state.interlock.estop:
             self._estop_record.by = ""
+
+    def _ask_people(self, by: str = "", act: str = "") -> None:
+        """Keep an act for the black box, if there is one, and ask soon who did what."""
+        if self._people is not None:
+            if act:
+                self._people.note(by, act)
+            self._people.ask(self._bus, [*self._commands])
 
     def _is_estop_unrecorded(self) -> bool:
         record = self._estop_record
@@ -404,6 +419,7 @@ class SupervisorService:
             problem = self._estop_record.problem
             message += f"; {problem}" if problem else ""
         _log.info("reset: %s", message)
+        self._ask_people("reset", message)
         return TriggerResponse(reply.success, message)
 
     async def _recorded(self, limit_s: float) -> None:

@@ -52,7 +52,7 @@ class Holder:
     """
 
     def __init__(self, bus: Bus, source: str, commands: Publisher[Twist], about: str) -> None:
-        self._bus, self._source, self._commands, self._about = bus, source, commands, about
+        self._bus, self._source, self._commands, self.about = bus, source, commands, about
         self._candidate = f"{source}.{bus.run_id[:SESSION_BYTES].hex()}{secrets.token_hex(4)}"
         self._tokens: list[Token] = []
         self._serves = False
@@ -141,7 +141,7 @@ class Holder:
         return {(node, epoch) for node, epoch in others if _session_of(node, epoch) in marks}
 
     async def _answer(self, _: str) -> TriggerResponse:
-        return TriggerResponse(success=self.holds, message=self._about)
+        return TriggerResponse(success=self.holds, message=self.about)
 
 
 def _session_of(node: str, epoch: bytes) -> bytes:

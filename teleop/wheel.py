@@ -1,5 +1,8 @@
 """The command source of teleop for a driver in another program: the page of a station."""
 
+import time
+from collections import deque
+
 from teleop.holder import HeldError, Holder, about_this_process
 from wire import topics
 from wire.bus import Bus, NoReplyError
@@ -7,6 +10,8 @@ from wire.messages import planar_twist
 from wire.text import printable
 
 RESET_LIMIT_S = 1.0
+MAX_ACTS = 6
+"""How much of what people did is reported to the supervisor, which asks after each change."""
 
 
 class SourceWheel:
@@ -20,13 +25,14 @@ class SourceWheel:
     def __init__(self, source: str, most: tuple[float, float]) -> None:
         self._source, self._most = source, most
         self._holder: Holder | None = None
+        self._acts = deque[str](maxlen=MAX_ACTS)
 
     def join(self, bus: Bus) -> None:
         """Use an open bus from now on."""
         self._commands = bus.publisher(topics.source_cmd_vel(self._source))
         self._bus = bus
-        about = f"the page of {about_this_process('station')}"
-        self._holder = Holder(bus, self._source, self._commands, about)
+        self._about = f"the page of {about_this_process('station')}"
+        self._holder = Holder(bus, self._source, self._commands, self._about)
 
     async def take(self) -> str:
         if self._holder is None:
@@ -52,3 +58,8 @@ class SourceWheel:
     def release(self) -> None:
         if self._holder is not None:
             self._holder.drop()
+
+    def tell(self, act: str) -> None:
+        self._acts.append(f"{time.strftime('%H:%M:%S')} {act}")
+        if self._holder is not None:
+            self._holder.about = "; ".join((self._about, *self._acts))

@@ -148,6 +148,9 @@ def _summary(incident: Incident) -> Table:
         if at.detail:
             table.add_row("detail", printable(at.detail))
         table.add_row("nearest", nearest(at.nearest_m, at.nearest_bearing_rad))
+    for act in incident.acts:
+        time = act.utc.replace("T", " ").partition(".")[0]
+        table.add_row("people", printable(f"{time} UTC  {act.by}: {act.text}"))
     table.add_row("speed", "no odometry" if velocity is None else f"{_speed(velocity)}, by odometry")
     if rest is not None:
         table.add_row("stopping", f"{rest.distance_m:.3f} m in {rest.to_standstill_s:.2f} s, by odometry")

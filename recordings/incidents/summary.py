@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from deploy.stack.formatting import number
 from recordings.incidents.braking import Braking, Motion, braking
 from recordings.incidents.incident import IncidentError, damage_of, id_of
-from supervisor.blackbox.reader import BlackBoxError, BlackBoxReader, Step, Stop
+from supervisor.blackbox.reader import Act, BlackBoxError, BlackBoxReader, Step, Stop
 from supervisor.law.decision import Decision
 from supervisor.law.reckoning import Odometer, Pose, Velocity, reckon, where
 from supervisor.messages import to_status
@@ -77,6 +77,8 @@ class Incident:
     stop_distance_m: float
     braking: Braking | None
     """None if the robot did not move at the first stop, did not come to rest, or has no odometry."""
+    acts: tuple[Act, ...]
+    """What people did until the file was written, in order of time."""
     left_out: int
     """Number of older steps that were left out for lack of space."""
     problem: str
@@ -121,6 +123,7 @@ class Incident:
             "nearest_m": None if at is None else number(at.nearest_m),
             "nearest_bearing_rad": None if at is None else number(at.nearest_bearing_rad),
             "detail": None if at is None else printable(at.detail),
+            "people": [{name: printable(text) for name, text in act._asdict().items()} for act in self.acts],
             "problem": printable(self.problem) or None,
         }
 
@@ -148,7 +151,14 @@ def read_incident(path: Path, before_s: float = BEFORE_S) -> Incident:
             problem = str(error)
         shown = tuple(sample for sample in samples if sample.time_s >= -before_s)
         return Incident(
-            path, reader.stops, shown, law.stop_distance_m, motion.braking(), reader.left_out, problem
+            path,
+            reader.stops,
+            shown,
+            law.stop_distance_m,
+            motion.braking(),
+            reader.acts,
+            reader.left_out,
+            problem,
         )
 
 

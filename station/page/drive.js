@@ -5,6 +5,7 @@ import * as pictures from "./picture.js";
 import * as wishes from "./wish.js";
 
 const BEAT_S = 0.03;
+const WAIT_BEAT_S = 0.2; // while another page drives
 const STALLED_BYTES = 2000; // of commands that the browser could not send yet
 
 const element = (id) => document.getElementById(id);
@@ -12,7 +13,7 @@ const now_s = () => performance.now() / 1000;
 
 let token = ""; // empty: this page may not drive now
 let socket = null;
-let isTaken = false; // whether the server lets this page drive
+let isTaken = false; // whether the server lets this page drive; until then, it asks, and its heartbeat is zero
 let wish = wishes.NOTHING;
 let sent_s = -Infinity;
 let sentZero = true;
@@ -22,6 +23,11 @@ export function offer(ofSession) {
   token = ofSession;
   if (token === "") end("");
   render();
+}
+
+// Shows who drives; empty: nobody.
+export function show(driver) {
+  write("drive-word", driver === "" ? "Drive" : `${driver} drives. Ask to drive`);
 }
 
 // Whether a key drives, and therefore does not stop.
@@ -40,14 +46,20 @@ function begin() {
   own.onopen = () => own.send(JSON.stringify({ token }));
   own.onmessage = (event) => {
     if (own !== socket) return;
-    isTaken = true;
-    const { sentence } = JSON.parse(event.data);
+    const { kind, sentence, drives, asked } = JSON.parse(event.data);
+    if (kind === "turn") {
+      isTaken = drives;
+      element("hand-over").hidden = !asked;
+      return write("drive-turn", sentence);
+    }
     if (sentence === "") return; // the last one stays until something is held again
     change(wishes.NOTHING);
     tell(sentence);
   };
   own.onclose = (event) => own === socket && end(event.reason || "The connection has ended.");
   tell("");
+  write("drive-turn", "");
+  element("hand-over").hidden = true;
   render();
   requestAnimationFrame(() => beat(own));
 }
@@ -68,7 +80,7 @@ function beat(own) {
   const pad = navigator.getGamepads?.().find((one) => one?.connected && one.mapping === "standard") ?? null;
   const buttons = pad?.buttons.map((one) => one.pressed);
   follow(wishes.padRead(wish, pad === null ? null : { buttons, axes: pad.axes }));
-  if (now_s() - sent_s >= BEAT_S) send();
+  if (now_s() - sent_s >= (isTaken ? BEAT_S : WAIT_BEAT_S)) send();
 }
 
 // Something is held or released.
@@ -90,10 +102,10 @@ function follow(next) {
 const wanted = () => wishes.wanted(wish, Number(element("speed").value));
 
 function send() {
-  if (!isTaken || socket.readyState !== WebSocket.OPEN) return;
+  if (socket?.readyState !== WebSocket.OPEN) return;
   if (socket.bufferedAmount > STALLED_BYTES) return end("The link is stalled.");
   sent_s = now_s();
-  const [linear, angular] = wanted();
+  const [linear, angular] = isTaken ? wanted() : [0, 0];
   sentZero = linear === 0 && angular === 0;
   socket.send(JSON.stringify({ linear, angular, time_s: sent_s, picture: pictures.drawn() }));
 }
@@ -166,7 +178,11 @@ element("drive-begin").addEventListener("click", begin);
 element("reset").addEventListener("click", () => {
   letGo("");
   tell("");
-  if (isTaken && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ reset: true }));
+  if (isTaken && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ request: "reset" }));
+});
+element("hand-over").addEventListener("click", () => {
+  letGo(""); // its zero goes out before
+  if (isTaken && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ request: "hand_over" }));
 });
 element("drive-end").addEventListener("click", () => {
   letGo("");
@@ -176,13 +192,15 @@ element("drive-end").addEventListener("click", () => {
 // --- what it shows
 
 function tell(sentence) {
-  for (const id of ["drive-told", "drive-ended"]) {
-    if (element(id).textContent !== sentence) element(id).textContent = sentence;
-  }
+  for (const id of ["drive-told", "drive-ended"]) write(id, sentence);
+}
+
+function write(id, text) {
+  if (element(id).textContent !== text) element(id).textContent = text;
 }
 
 function render() {
-  element("drive-begin").hidden = token === "" || socket !== null;
+  element("drive-offer").hidden = token === "" || socket !== null;
   element("drive").hidden = socket === null;
   document.body.dataset.driving = socket !== null;
   element("enable").dataset.held = wish.enable !== null;

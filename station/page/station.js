@@ -17,6 +17,7 @@ const NO_STOP_KEYS = /^(Tab|Shift|Control|Alt|AltGraph|Meta|CapsLock|NumLock|F\d
 const now_s = () => performance.now() / 1000;
 const element = (id) => document.getElementById(id);
 const release = element("release");
+const person = element("name");
 
 let lease = leases.NEW;
 let socket = null;
@@ -55,9 +56,11 @@ function onMessage(message) {
   contact_s = now_s();
   if (message.kind === "view") {
     view = message;
+    drive.show(view.driver);
   } else if (message.kind === "welcome") {
     ({ station, token } = message);
     isWelcome = true;
+    sendName();
     pictures.begin(token);
     drive.offer(message.may_drive ? token : "");
     change(lease);
@@ -66,6 +69,11 @@ function onMessage(message) {
     if (!isAnswering) answer();
   }
 }
+
+function sendName() {
+  if (isWelcome && person.value !== "") socket.send(JSON.stringify({ name: person.value }));
+}
+person.addEventListener("change", sendName);
 
 // Answers the newest challenge after a frame was drawn and the browser itself has replied: only then does the person see the
 // page, and do touches reach it. The browser's own process delivers them; this loop goes on while that process hangs.
@@ -127,7 +135,7 @@ function press(event) {
 element("stop").addEventListener("pointerdown", press);
 element("stop").addEventListener("click", press); // of assistive technology, which sends no other event
 addEventListener("keydown", (event) => {
-  if (event.repeat || event.target === release || event.ctrlKey || event.altKey || event.metaKey) return;
+  if (event.repeat || event.target === release || event.target === person || event.ctrlKey || event.altKey || event.metaKey) return;
   if (!NO_STOP_KEYS.test(event.key) && !drive.takes(event)) press(event);
 });
 addEventListener("contextmenu", (event) => event.preventDefault()); // of a long touch

@@ -70,6 +70,15 @@ class Stop(NamedTuple):
     """The reasons that were new at this stop, most severe first."""
 
 
+class Act(NamedTuple):
+    """What a person did, as a program reported it: foreign text."""
+
+    utc: str
+    by: str
+    """The command source whose program reported it, or `e-stop` or `reset`."""
+    text: str
+
+
 class Step(NamedTuple):
     """A step of the law."""
 
@@ -126,6 +135,21 @@ class BlackBoxReader:
             return tuple(map(str, cast("list[object]", named)))
         others = [f"{SCAN.key}_{lidar.name}" for lidar in self.law.lidars[1:]]
         return (SCAN.key, *others)
+
+    @property
+    def acts(self) -> tuple[Act, ...]:
+        """What people did before the file was written, in order of time; an older file names nothing.
+
+        Raises:
+            BlackBoxError: the file is damaged.
+        """
+        try:
+            return tuple(
+                Act(str(one["utc"]), str(one["by"]), str(one["text"]))
+                for one in self.header.get("people", [])
+            )
+        except (KeyError, TypeError) as error:
+            raise BlackBoxError(f"the header of {self.path} is damaged: {error!r} in people") from error
 
     @property
     def left_out(self) -> int:

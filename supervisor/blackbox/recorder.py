@@ -25,6 +25,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from supervisor.blackbox.file import LAW, Order, Steps, pack_state, pack_step, write
+from supervisor.blackbox.people import People
 from supervisor.law.base_motion import moves
 from supervisor.law.decision import Decision, Mode
 from supervisor.law.model import Inputs, LawConfig
@@ -120,7 +121,9 @@ class BlackBox:
         window_s: float,
         lidar_topics: Sequence[str] = (SCAN.key,),
         utc: Callable[[], float] = time.time,
+        people: People | None = None,
     ) -> None:
+        self._people = People() if people is None else people
         self._law = LAW.spell(LAW.pack(law))
         self._lidar_topics = list(lidar_topics)
         self._writer = writer
@@ -244,6 +247,7 @@ class BlackBox:
             "numpy": np.__version__,
             "machine": platform.machine(),
             "lidar_topics": self._lidar_topics,
+            "people": self._people.acts,
             "config": self._law,
         }
         segments = [(s.state, s.steps) for s in self._segments]

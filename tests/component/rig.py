@@ -11,6 +11,7 @@ from sim.config import SimSection
 from sim.plant import Plant
 from sim.service import SimService
 from supervisor.base_record import BaseRecord
+from supervisor.blackbox.people import People
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import MemoryRecord, Record
@@ -70,6 +71,7 @@ class Rig:
         suspended_s: Callable[[], float] = never_suspended,
         law: LawConfig | None = None,
         base_record: BaseRecord | None = None,
+        people: People | None = None,
     ) -> AsyncGenerator[VirtualBus]:
         bus = self.network.open_joined(topics.SUPERVISOR)
         stop = asyncio.Event()
@@ -82,6 +84,7 @@ class Rig:
             suspended_s,
             law=law,
             base_record=base_record,
+            people=people,
         )
         running = asyncio.create_task(service.run(stop))
         try:

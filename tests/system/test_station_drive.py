@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.browser import Browser, Tab, needs_chromium
+from recordings.incidents.incident import black_boxes
+from supervisor.blackbox.reader import BlackBoxReader
+from tests.system.browser import Browser, Tab, browser, needs_chromium
 from tests.system.harness import PATIENCE_S, Robot, patiently
 from tests.system.pages import Server
 from tests.system.test_estop_stations import ESTOP, heard
@@ -27,11 +29,20 @@ async def wheel(tmp_path: Path) -> AsyncGenerator[tuple[Robot, Server, Browser, 
         yield subject, server, chromium, tab
 
 
-async def takes(tab: Tab) -> None:
-    """Press Drive."""
-    await tab.waits_for("!document.getElementById('drive-begin').hidden")
+async def takes(tab: Tab, name: str = "Anna") -> None:
+    """Write a name, and press Drive."""
+    await tab.waits_for("!document.getElementById('drive-offer').hidden")
+    await tab.click(*await tab.middle_of("#name"))
+    for letter in name:
+        await tab.do("Input.dispatchKeyEvent", type="keyDown", key=letter, text=letter)
+        await tab.do("Input.dispatchKeyEvent", type="keyUp", key=letter)
     await tab.click(*await tab.middle_of("#drive-begin"))
     await tab.waits_for("document.body.dataset.driving === 'true'")
+
+
+async def shows(tab: Tab, place: str, text: str) -> None:
+    """Wait until an element shows a text."""
+    await tab.waits_for(f"document.getElementById({place!r}).textContent.includes({text!r})")
 
 
 async def key(tab: Tab, code: str, *, down: bool) -> None:
@@ -88,6 +99,46 @@ async def test_the_stick_drives_while_the_mouse_holds_it_and_a_touch_of_the_pict
         await tab.mouse("mouseReleased", 10, 10)
         await tab.click(*await tab.middle_of("#map"))
         await subject.until(lambda: ESTOP in subject.status.causes, "its press")
+
+
+async def test_a_driver_hands_over_to_the_person_who_asks_and_the_incident_names_both(tmp_path: Path) -> None:
+    async with (
+        wheel(tmp_path) as (subject, server, _, anna),
+        browser(tmp_path / "second") as second,
+    ):
+        ben = await second.open(await server.new_address())
+        await ben.waits_for("document.body?.dataset.picture === 'true'")
+        await drives(subject, anna, lambda: key(anna, "KeyW", down=True))
+        await shows(ben, "drive-word", "Anna drives. Ask to drive")
+        await takes(ben, "Ben")
+        await shows(ben, "drive-turn", "You asked Anna, who loses control after")
+        await shows(anna, "drive-turn", "Ben asks to drive.")
+        assert subject.status.permitted.linear.x > 0.0, "a question stops nothing"
+        assert ESTOP not in subject.status.reasons, "a name was typed"
+        await anna.click(*await anna.middle_of("#hand-over"))
+        await stands(subject)
+        await shows(anna, "drive-ended", "You handed over to Ben.")
+        await ben.waits_for("document.getElementById('drive-turn').textContent === ''")
+        await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion by the hand-over", 0.5)
+        await key(anna, "KeyW", down=False)
+        await drives(subject, ben, lambda: key(ben, "KeyW", down=True))
+        await anna.click(*await anna.middle_of("#map"))
+        await subject.until(lambda: ESTOP in subject.status.causes, "her press")
+        await key(ben, "KeyW", down=False)
+
+        def people() -> str:
+            boxes = black_boxes(tmp_path / "blackbox")
+            return str([act.text for act in BlackBoxReader(boxes[-1]).acts]) if boxes else ""
+
+        await subject.until(lambda: "Anna pressed the e-stop" in people(), "the incident", PATIENCE_S)
+        for act in (
+            "Anna began to drive",
+            "Ben asked to drive",
+            "Anna handed over to Ben",
+            "Ben began to drive",
+        ):
+            assert act in people()
+        assert "pressed by phone" in people()
 
 
 async def touches(tab: Tab, kind: str, *places: tuple[float, float]) -> None:

@@ -100,7 +100,7 @@ def test_all_names_are_those_of_the_status_and_of_the_campaign(tmp_path: Path) -
         | {*Injected.model_fields}
         | {*CampaignSample.model_fields}
     )
-    of_a_file = {"id", "file", "utc", "stops", "problem"}
+    of_a_file = {"id", "file", "utc", "stops", "people", "problem"}
     of_odometry = {"measured", "angular_rad_s"}
     assert incident.to_json().keys() - known == of_a_file | {"angular_rad_s"}
     assert incident.samples[0].to_json().keys() - known == {"measured", "why"}

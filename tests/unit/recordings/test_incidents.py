@@ -225,6 +225,31 @@ def test_show_prints_what_was_left_out_and_the_detail_of_the_first_cause(tmp_pat
     assert "detail    something" in text
 
 
+def with_people(path: Path, people: object) -> None:
+    with gzip.open(path, "rt") as file:
+        header, *lines = file
+    with gzip.open(path, "wt") as file:
+        file.writelines([json.dumps(json.loads(header) | {"people": people}) + "\n", *lines])
+
+
+def test_show_names_who_drove_and_who_stopped_as_foreign_text(state: Path) -> None:
+    acts = [
+        {"utc": "2026-07-04T11:59:01.000+00:00", "by": "teleop", "text": "Anna began to drive"},
+        {"utc": "2026-07-04T12:00:00.001+00:00", "by": "e-stop", "text": "pressed by \x1b[2J"},
+    ]
+    with_people(black_box(state), acts)
+    text = run(state, "show", "last").stdout
+    assert "people    2026-07-04 11:59:01 UTC  teleop: Anna began to drive" in text
+    assert "e-stop: pressed by ?[2J" in text
+    assert json.loads(run(state, "show", "last", "--json").stdout)["people"][1]["text"] == "pressed by ?[2J"
+
+
+@pytest.mark.parametrize("people", [1, "Anna", {"utc": 1}, [1], [{"utc": "x"}], [None]])
+def test_people_of_a_damaged_header_are_damage(state: Path, people: object) -> None:
+    with_people(black_box(state), people)
+    assert_refused(run(state, "show", "last"), "is damaged")
+
+
 def test_the_table_has_no_rows_that_repeat_a_robot_at_rest(tmp_path: Path) -> None:
     lost_at(tmp_path / "blackbox", after_s=1.5)
     rows = [line for line in run(tmp_path, "show", "last").stdout.splitlines() if "STOPPED" in line]

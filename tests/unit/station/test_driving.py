@@ -1,16 +1,18 @@
 """What a page at the wheel may request: with a new picture, forward in its own time, and after its own zero."""
 
 import asyncio
+import json
 import math
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from station.driving import MAX_PICTURES, STALE_S, Commands, Driving, Pictures
+from station.driving import IDLE_S, MAX_PICTURES, STALE_S, Commands, Driving, Person, Pictures
 from station.messages import BadMessageError, Wanted, read_wanted
 
 ZERO = (0.0, 0.0)
+ZERO_WANTED, MOTION = Wanted(0.0, 0.0, 7.0, 1), Wanted(0.5, 0.0, 7.0, 1)
 
 
 class Record:
@@ -18,6 +20,7 @@ class Record:
 
     def __init__(self) -> None:
         self.sent, self.is_taken, self.refuses = list[tuple[float, float, float]](), False, ""
+        self.acts = list[str]()
 
     async def take(self) -> str:
         self.is_taken = True
@@ -32,6 +35,9 @@ class Record:
     def release(self) -> None:
         self.is_taken = False
 
+    def tell(self, act: str) -> None:
+        self.acts.append(act)
+
     @property
     def newest(self) -> tuple[float, float]:
         return self.sent[-1][:2]
@@ -41,6 +47,22 @@ def shown(scan_s: float, number: int = 1) -> Pictures:
     pictures = Pictures()
     pictures.sent(number, scan_s)
     return pictures
+
+
+async def asked() -> tuple[Record, Driving, Person, Person]:
+    """Anna has driven since 100 s, and Ben asks."""
+    wheel = Record()
+    driving = Driving(wheel)
+    anna = driving.enter("Anna")
+    await driving.take(anna, 100.0)
+    return wheel, driving, anna, driving.enter("Ben")
+
+
+def turn(driving: Driving, person: Person, now_s: float) -> tuple[bool, bool, str]:
+    """Whether a page drives, whether it is asked, and what it shows."""
+    message = json.loads(driving.turn(person, now_s))
+    assert message.pop("kind") == "turn"
+    return message["drives"], message["asked"], message["sentence"]
 
 
 def test_motion_is_sent_on_with_the_pages_own_time_after_a_zero() -> None:
@@ -132,41 +154,129 @@ def test_whatever_happens_motion_has_a_new_picture_and_a_zero_of_the_person_sinc
         assert wheel.newest == ((linear, 0.0) if may_move else ZERO)
 
 
-async def test_a_page_at_the_wheel_commands_and_resets() -> None:
+async def test_the_driver_commands_and_resets() -> None:
     wheel = Record()
     driving = Driving(wheel)
-    assert await driving.take("a") == ""
-    driving.commands().hear(Wanted(0.0, 0.0, 7.0, 1), None, 100.0)
+    anna = driving.enter("Anna")
+    assert await driving.take(anna, 100.0) == ""
+    driving.hear(anna, ZERO_WANTED, None, 100.0)
     assert wheel.sent == [(0.0, 0.0, 100.0)]
-    assert await driving.reset() == ""
+    assert await driving.reset(anna) == ""
+    assert wheel.acts == ["Anna began to drive", "Anna requested a reset"]
 
 
-async def test_one_page_at_a_time_has_the_wheel() -> None:
+async def test_a_person_who_asks_moves_nothing_and_resets_nothing_until_the_driver_leaves() -> None:
+    wheel, driving, anna, ben = await asked()
+    assert await driving.take(ben, 101.0) == ""
+    driving.hear(ben, MOTION, shown(101.0), 101.0)
+    assert await driving.reset(ben) == "Only the driver resets."
+    assert (driving.driver, wheel.sent, wheel.is_taken) == ("Anna", [], True)
+    driving.leave(anna)
+    assert (driving.driver, wheel.is_taken) == ("", False)
+    assert await driving.take(ben, 101.1) == ""
+    assert (driving.driver, wheel.is_taken) == ("Ben", True)
+
+
+async def test_a_hand_over_ends_the_permission_at_once_and_the_next_person_begins_with_a_zero() -> None:
+    wheel, driving, anna, ben = await asked()
+    driving.hear(anna, ZERO_WANTED, shown(101.0), 101.0)
+    driving.hear(anna, MOTION, shown(101.0), 101.0)
+    assert driving.ending(anna, 101.0, hands_over=True) == "You handed over to Ben."
+    driving.leave(anna)
+    assert not wheel.is_taken
+    wheel.sent.clear()
+    await driving.take(ben, 101.0)
+    driving.hear(anna, MOTION, shown(101.0), 101.1)
+    assert wheel.sent == [], "moved by the hand-over, or by the person who handed over"
+    assert driving.hear(ben, MOTION, shown(101.0), 101.1) == "Let go first."
+    assert wheel.newest == ZERO
+    assert wheel.acts == [
+        "Anna began to drive",
+        "Ben asked to drive",
+        "Anna handed over to Ben",
+        "Ben began to drive",
+    ]
+
+
+async def test_a_question_is_never_answered_by_itself_while_the_driver_drives() -> None:
+    _, driving, anna, _ = await asked()
+    for second in range(1, 300):
+        driving.hear(anna, MOTION, shown(100.0 + second), 100.0 + second)
+        assert driving.ending(anna, 100.0 + second, hands_over=False) == ""
+
+
+@pytest.mark.parametrize(("idle_s", "ends"), [(IDLE_S, False), (math.nextafter(IDLE_S, math.inf), True)])
+async def test_a_driver_without_motion_loses_control_after_the_shown_time(idle_s: float, ends: bool) -> None:  # noqa: FBT001
     wheel = Record()
     driving = Driving(wheel)
-    assert await driving.take("a") == ""
-    assert await driving.take("b") == "Another page drives."
-    driving.release("b")
-    assert wheel.is_taken
-    driving.release("a")
-    assert not wheel.is_taken
-    assert await driving.take("b") == ""
+    anna = driving.enter("Anna")
+    await driving.take(anna, 0.0)
+    driving.hear(anna, ZERO_WANTED, shown(0.0), idle_s)
+    assert (driving.ending(anna, idle_s, hands_over=False) != "") is ends
+    driving.leave(anna)
+    assert wheel.acts[-1] == ("Anna lost control after 30 s without motion" if ends else "Anna ended driving")
+
+
+async def test_motion_begins_the_time_again_and_zero_does_not() -> None:
+    _, driving, anna, ben = await asked()
+    driving.hear(anna, ZERO_WANTED, shown(110.0), 110.0)
+    assert turn(driving, ben, 110.0) == (
+        False,
+        False,
+        "You asked Anna, who loses control after 20 s without motion.",
+    )
+    driving.hear(anna, MOTION, shown(110.0), 110.0)
+    assert turn(driving, ben, 110.0) == (
+        False,
+        False,
+        "You asked Anna, who loses control after 30 s without motion.",
+    )
+
+
+async def test_the_driver_sees_who_asks_and_may_hand_over_only_to_a_person() -> None:
+    _, driving, anna, ben = await asked()
+    assert turn(driving, anna, 104.5) == (
+        True,
+        True,
+        "Ben asks to drive. Without motion, you lose control in 26 s.",
+    )
+    driving.leave(ben)
+    assert turn(driving, anna, 104.5) == (True, False, "")
+    assert driving.ending(anna, 104.5, hands_over=True) == ""
+    driving.leave(anna)
+    cleo = driving.enter("Cleo")
+    assert turn(driving, cleo, 104.5) == (False, False, "")
+    assert driving.ending(cleo, 1000.0, hands_over=True) == "", "a person who asks has nothing to hand over"
+
+
+async def test_persons_drive_in_the_order_in_which_they_asked() -> None:
+    _, driving, anna, ben = await asked()
+    cleo = driving.enter("Cleo")
+    assert driving.ending(anna, 101.0, hands_over=True) == "You handed over to Ben."
+    driving.leave(anna)
+    await driving.take(cleo, 101.0)
+    assert driving.driver == ""
+    await driving.take(ben, 101.0)
+    assert driving.driver == "Ben"
 
 
 async def test_a_wheel_that_another_program_holds_is_released_again() -> None:
     wheel = Record()
     wheel.refuses = "The robot is driven by the teleop of x."
     driving = Driving(wheel)
-    assert await driving.take("a") == wheel.refuses
-    driving.release("a")
+    anna = driving.enter("Anna")
+    assert await driving.take(anna, 100.0) == wheel.refuses
+    driving.leave(anna)
+    assert (wheel.is_taken, wheel.acts) == (False, []), "who never drove is not recorded as a driver"
     wheel.refuses = ""
-    assert await driving.take("b") == ""
+    assert await driving.take(driving.enter("Ben"), 100.0) == ""
 
 
 async def test_pages_that_come_at_the_same_time_do_not_share_the_wheel() -> None:
     driving = Driving(Record())
-    answers = await asyncio.gather(*(driving.take(page) for page in "abc"))
-    assert sorted(answers) == ["", "Another page drives.", "Another page drives."]
+    people = [driving.enter(name) for name in ("Anna", "Ben", "Cleo")]
+    await asyncio.gather(*(driving.take(person, 100.0) for person in reversed(people)))
+    assert driving.driver == "Anna"
 
 
 @given(st.text(max_size=80))
@@ -175,10 +285,17 @@ def test_any_text_is_a_command_or_no_message(text: str) -> None:
         wanted = read_wanted(text)
     except BadMessageError:
         return
-    assert wanted is None or abs(wanted.linear) <= 1.0
+    assert isinstance(wanted, str) or abs(wanted.linear) <= 1.0
 
 
-def test_a_reset_is_no_command() -> None:
-    assert read_wanted('{"reset": true}') is None
+@pytest.mark.parametrize("request_", ["reset", "hand_over"])
+def test_a_request_is_no_command(request_: str) -> None:
+    assert read_wanted(json.dumps({"request": request_})) == request_
+
+
+@pytest.mark.parametrize(
+    "text", ['{"request": "drive"}', '{"request": 1}', '{"request": "reset", "linear": 0}', '{"reset": true}']
+)
+def test_there_are_no_other_requests(text: str) -> None:
     with pytest.raises(BadMessageError):
-        read_wanted('{"reset": false}')
+        read_wanted(text)

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from station.messages import (
     MAX_MESSAGE_BYTES,
+    MAX_NAME,
     MAX_NUMBER,
     MAX_SECRET,
     MAX_TIME_S,
@@ -32,7 +33,7 @@ def status(*reasons: str, station: str = "door", required: bool = True) -> Safet
 
 
 def shown(newest: SafetyStatus | None, *, has_rival: bool = False) -> dict[str, object]:
-    return json.loads(view("door", "tcp/robot:7447", newest, has_rival=has_rival))
+    return json.loads(view("door", "tcp/robot:7447", newest, "Anna", has_rival=has_rival))
 
 
 def test_the_first_message_has_a_code_or_a_token() -> None:
@@ -89,6 +90,15 @@ def test_no_text_causes_another_error(text: str) -> None:
             continue
 
 
+def test_a_name_is_short_and_printable() -> None:
+    assert read_lease('{"name": " J\u00f6rg "}') == "J\u00f6rg"
+    assert read_lease(json.dumps({"name": "\x1b[2J\u202e\ud800"})) == "?[2J??"
+    assert read_lease(json.dumps({"name": "\U0001f980" * MAX_NAME})) == "\U0001f980" * MAX_NAME
+    for fields in ({"name": "x" * (MAX_NAME + 1)}, {"name": 1}, {"name": "x", "stop": True}):
+        with pytest.raises(BadMessageError):
+            read_lease(json.dumps(fields))
+
+
 def test_the_supervisors_numbers_reach_the_page_as_texts() -> None:
     message = json.loads(lease(EstopLease(MAX_NUMBER, 7, stop=True)))
     assert message == {"kind": "lease", "challenge": str(MAX_NUMBER), "response": "7", "stop": True}
@@ -110,6 +120,7 @@ def test_the_page_is_told_the_reasons_and_whether_the_robot_depends_on_it() -> N
         "reasons": "ESTOP",
         "latched": True,
         "required": True,
+        "driver": "Anna",
     }
     assert shown(status(required=False))["required"] is False
     assert not is_latched(status("OBSTACLE"))
@@ -118,7 +129,7 @@ def test_the_page_is_told_the_reasons_and_whether_the_robot_depends_on_it() -> N
 def test_foreign_text_is_made_printable() -> None:
     newest = status("\x1b[31mRED")
     assert shown(newest)["reasons"] == "?[31mRED"
-    assert "\\u001b" not in view("door", "tcp/\x1b[2J", None, has_rival=False)
+    assert "\\u001b" not in view("door", "tcp/\x1b[2J", None, "", has_rival=False)
 
 
 def command(**fields: object) -> str:

@@ -55,6 +55,8 @@ const steps = {
     drive.offer("token");
     element("drive-begin").own.click.forEach((call) => call());
   },
+  turn(drives, asked, sentence) { sockets.at(-1).onmessage({ data: JSON.stringify({ kind: "turn", drives, asked, sentence }) }); },
+  driver(name) { drive.show(name); },
   told(sentence) { sockets.at(-1).onmessage({ data: JSON.stringify({ kind: "told", sentence }) }); },
   on(id, type, fields) {
     for (const call of [...(listeners[`first ${type}`] ?? []), ...(element(id).own[type] ?? []), ...(listeners[type] ?? [])]) {
@@ -77,7 +79,8 @@ const texts = Object.fromEntries(Object.entries(elements).map(([id, one]) => [id
 console.log(JSON.stringify([sent, { ...texts, sockets: sockets.map((one) => one.url).join(" ") }, pictures.drawn()]));
 """
 Step = list[Any]
-BEGUN: list[Step] = [["begin"], ["told", ""], ["frame", 50]]
+TURN: Step = ["turn", True, False, ""]
+BEGUN: list[Step] = [["begin"], TURN, ["frame", 50]]
 PULLED: list[Step] = [
     ["on", "stick", "pointerdown", {"clientX": 100, "clientY": 100}],
     ["window", "pointermove", {"clientX": 100, "clientY": 0}],
@@ -175,6 +178,34 @@ def test_a_refusal_lets_go_and_is_shown_until_something_is_held_again() -> None:
 def test_a_page_that_may_not_drive_shows_why_beside_its_button() -> None:
     _, texts, _ = run(["begin"], ["closed", "Another page drives."])
     assert texts["drive-ended"] == "Another page drives."
+
+
+def test_a_page_that_asks_sends_zero_whatever_is_held_until_it_drives() -> None:
+    asks: list[Step] = [
+        ["begin"],
+        ["turn", False, False, "You asked Anna."],
+        ["frame", 50],
+        W,
+        ["frame", 250],
+    ]
+    sent, texts, _ = run(*asks)
+    assert len(sent) > 2
+    assert {(one["linear"], one["angular"]) for one in sent} == {(0, 0)}
+    assert texts["drive-turn"] == "You asked Anna."
+    assert run(*asks, TURN, ["frame", 50])[0][-1]["linear"] == 1, "the server then requires a zero"
+
+
+def test_a_hand_over_sends_a_zero_before_it_in_the_same_event() -> None:
+    asked: list[Step] = [*BEGUN, W, ["turn", True, True, "Ben asks to drive."]]
+    sent, texts, _ = run(*asked, ["on", "hand-over", "click", {}])
+    assert [one.get("linear") for one in sent[-3:]] == [1, 0, None]
+    assert sent[-1] == {"request": "hand_over"}
+    assert texts["drive-turn"] == "Ben asks to drive."
+
+
+def test_the_button_names_who_drives() -> None:
+    assert run(["begin"], ["driver", "Anna"])[1]["drive-word"] == "Anna drives. Ask to drive"
+    assert run(["begin"], ["driver", ""])[1]["drive-word"] == "Drive"
 
 
 def picture(number: int) -> Step:

@@ -1,0 +1,75 @@
+"""What people did, for the black box: who drove, asked, took over, stopped and reset, as their programs report it.
+
+The supervisor asks the programs behind the command sources (`<source>/holder`) after each change. It asks nobody twice at the
+same time, and at most once in `PERIOD_S`, whatever the programs do. The answers decide nothing: they are foreign text.
+"""
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from datetime import UTC, datetime
+
+from wire import topics
+from wire.bus import Bus, NoReplyError
+from wire.text import printable
+
+MAX_ACTS = 32
+"""A black box holds the newest ones, also those before its window."""
+MAX_LENGTH = 500
+"""Characters of one."""
+ANSWER_LIMIT_S = 1.0
+PERIOD_S = 0.5
+
+
+class People:
+    """The newest acts of people.
+
+    Args:
+        utc: returns the wall time [s].
+    """
+
+    def __init__(self, utc: Callable[[], float] = time.time) -> None:
+        self._utc = utc
+        self._acts: deque[dict[str, str]] = deque(maxlen=MAX_ACTS)
+        self._asking: asyncio.Task[None] | None = None
+        self._is_due = False
+
+    @property
+    def acts(self) -> list[dict[str, str]]:
+        """The acts in order of time, each with its time `utc`, `by` (a source or a service), and `text`."""
+        return list(self._acts)
+
+    def note(self, by: str, text: str) -> None:
+        """Keep an act, unless it repeats the newest one of the same source or service."""
+        text = printable(text[:MAX_LENGTH])
+        if text != next((act["text"] for act in reversed(self._acts) if act["by"] == by), ""):
+            utc = datetime.fromtimestamp(self._utc(), UTC).isoformat(timespec="milliseconds")
+            self._acts.append({"utc": utc, "by": by, "text": text})
+
+    def ask(self, bus: Bus, sources: Sequence[str]) -> None:
+        """Ask the programs behind these sources soon what people did; never blocks."""
+        self._is_due = True
+        if self._asking is None:
+            self._asking = asyncio.get_running_loop().create_task(self._ask(bus, sources))
+
+    async def _ask(self, bus: Bus, sources: Sequence[str]) -> None:
+        try:
+            while self._is_due:
+                self._is_due = False
+                # At the same time: a silent program delays no other.
+                await asyncio.gather(*(self._ask_one(bus, source) for source in sources))
+                await asyncio.sleep(PERIOD_S)
+        finally:
+            self._asking = None
+
+    async def _ask_one(self, bus: Bus, source: str) -> None:
+        with suppress(NoReplyError):
+            answer = await bus.call(topics.source_holder(source), timeout_s=ANSWER_LIMIT_S)
+            self.note(source, answer.message)
+
+    def close(self) -> None:
+        """Ask nobody any more."""
+        if self._asking is not None:
+            self._asking.cancel()

@@ -1,0 +1,146 @@
+"""Who drives, as the supervisor's black box keeps it: the real page's wheel, supervisor and black box on a virtual network."""
+
+import asyncio
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+from itertools import pairwise
+from pathlib import Path
+
+from lifeline.page import SourceWheel
+from station.driving import Driving, Person, Pictures
+from station.messages import Wanted
+from supervisor.blackbox.people import MAX_ACTS, MAX_LENGTH, PERIOD_S, People
+from supervisor.blackbox.reader import BlackBoxReader
+from supervisor.blackbox.recorder import BlackBox
+from supervisor.config import SupervisorSection
+from tests.component.rig import Rig
+from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, WriterAtOnce
+from virtual.network import VirtualBus
+from wire import topics
+from wire.messages import Bool, TriggerResponse
+
+
+class Station:
+    """A station's wheel, and the persons at its pages."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig, self.bus = rig, rig.network.open_joined("page")
+        wheel = SourceWheel("teleop", (1.0, 1.0))
+        wheel.join(self.bus)
+        self.driving = Driving(wheel)
+
+    async def takes(self, person: Person) -> None:
+        assert await self.driving.take(person, self._rig.loop.time()) == ""
+
+    async def drives(self, person: Person, linear: float, seconds: float) -> None:
+        """Request zero for a moment, then motion."""
+        pictures, end_s = Pictures(), self._rig.loop.time() + seconds
+        zero_s = self._rig.loop.time() + 0.5
+        while (now_s := self._rig.loop.time()) < end_s:
+            pictures.sent(1, now_s)
+            share = 0.0 if now_s < zero_s else linear
+            self.driving.hear(person, Wanted(share, 0.0, now_s, 1), pictures, now_s)
+            await self._rig.pass_time(0.05)
+
+
+@asynccontextmanager
+async def robot(rig: Rig, writer: WriterAtOnce) -> AsyncGenerator[VirtualBus]:
+    people = People(utc=lambda: NOON_UTC_S)
+    box = BlackBox(SupervisorSection().law(), writer, window_s=60.0, people=people)
+    async with rig.supervisor(black_box=box, people=people) as bus, rig.lidar():
+        await rig.pass_time(0.5)
+        yield bus
+
+
+def acts(path: Path) -> str:
+    return "\n".join(f"{act.by}: {act.text}" for act in BlackBoxReader(path).acts)
+
+
+async def test_an_incident_names_who_drove_asked_took_over_stopped_and_reset(tmp_path: Path) -> None:
+    rig, writer = Rig(), WriterAtOnce(tmp_path)
+    async with robot(rig, writer):
+        station = Station(rig)
+        driving = station.driving
+        anna = driving.enter("Anna")
+        await station.takes(anna)
+        await station.drives(anna, 0.5, 2.0)
+        assert rig.output() == (0.5, 0.0)
+        ben = driving.enter("Ben")
+        assert driving.ending(anna, rig.loop.time(), hands_over=True) == "You handed over to Ben."
+        driving.leave(anna)
+        await rig.pass_time(0.05)
+        assert rig.output() == (0.0, 0.0), "a hand-over stops a robot that drives"
+        await station.takes(ben)
+        await rig.pass_time(1.0)
+        assert rig.output() == (0.0, 0.0), "and moves nothing"
+        await station.drives(ben, 0.3, 2.0)
+        assert rig.output() == (0.3, 0.0)
+        station.bus.publisher(topics.ESTOP).put(Bool(data=True))
+        driving.tell("Cleo pressed the e-stop")
+        await station.drives(ben, 0.0, 4.0)
+        told = acts(writer.paths[-1])
+        for act in (
+            "Anna began to drive",
+            "Ben asked to drive",
+            "Anna handed over to Ben",
+            "Ben began to drive",
+            "Cleo pressed the e-stop",
+            "e-stop: pressed by ",
+        ):
+            assert act in told
+        assert "requested a reset" not in told
+        assert await driving.reset(ben) == ""
+        await station.drives(ben, 0.3, 2.0)
+        assert rig.output() == (0.3, 0.0)
+        driving.leave(ben)
+        await rig.pass_time(4.0)
+        told = acts(writer.paths[-1])
+        for act in ("Ben requested a reset", "reset: ", "Ben ended driving"):
+            assert act in told
+
+
+async def test_a_station_that_is_killed_has_named_its_driver_before(tmp_path: Path) -> None:
+    rig, writer = Rig(), WriterAtOnce(tmp_path)
+    async with robot(rig, writer):
+        station = Station(rig)
+        anna = station.driving.enter("Anna")
+        await station.takes(anna)
+        await station.drives(anna, 0.5, 2.0)
+        station.bus.die()
+        await rig.pass_time(4.0)
+        assert "Anna began to drive" in acts(writer.paths[-1])
+
+
+async def test_a_program_that_answers_nothing_or_anything_delays_no_command(tmp_path: Path) -> None:
+    rig, writer = Rig(), WriterAtOnce(tmp_path)
+    async with robot(rig, writer):
+        silent = rig.network.open_joined("silent")
+        asked_s = list[float]()
+
+        async def answer(_: str) -> TriggerResponse:
+            asked_s.append(rig.loop.time())
+            return TriggerResponse(success=True, message="\x1b[2J" + "x" * 60_000)
+
+        silent.serve(topics.source_holder("teleop"), answer)
+        async with rig.source():
+            await rig.drive(0.5)
+            for number in range(200):  # runs that begin and end all the time
+                silent.declare_alive("teleop", number.to_bytes(16, "big")).withdraw()
+                await rig.pass_time(0.02)
+            assert rig.output() == (0.5, 0.0)
+        assert len(asked_s) > 2
+        assert all(later - earlier >= PERIOD_S for earlier, later in pairwise(asked_s))
+        await rig.pass_time(4.0)
+    (one,) = [act for act in BlackBoxReader(writer.paths[-1]).acts if act.by == "teleop"]
+    assert one.text.startswith("?[2Jx")
+    assert len(one.text) == MAX_LENGTH
+
+
+async def test_only_the_newest_acts_are_kept_and_none_twice_in_a_row() -> None:
+    people = People(utc=lambda: NOON_UTC_S)
+    for number in range(MAX_ACTS + 5):
+        for _ in range(3):
+            people.note("teleop", f"act {number}")
+    assert [act["text"] for act in people.acts] == [f"act {number}" for number in range(5, MAX_ACTS + 5)]
+    people.close()
+    await asyncio.sleep(0)
