@@ -24,6 +24,7 @@ from tests.ros2.peers.drive import BRAKING_M_S2, TURN_BRAKING_RAD_S2
 from tests.system.ports import free_endpoint
 from tests.system.process_state import children_of, command_of
 from wire import topics
+from wire.tls import LEASE_S
 
 LATE_S = 0.25
 """On a busy machine, the simulated robot receives a command late and therefore brakes late."""
@@ -96,17 +97,18 @@ def test_without_lifeline_a_ros2_robot_drives_on_for_the_timeout_of_its_base_and
     host: Host, site: Site
 ) -> None:
     host.start("diff_drive", "--x", str(START_X_M), "--timeout", str(ROS2_TIMEOUT_S)).ready()
-    assert measure(site, "operator-killed", without=True) == 0
-    (cell,) = site.record().cells
-    assert not cell.with_lifeline
-    (run,) = cell.runs
-    print(f"\n{run.distance_m} by the lidar, {run.odometry_m} by odometry, {run.t3_s} s")
-    assert run.stopped
-    assert run.distance_m is not None
+    assert measure(site, "operator-killed", "link-cut-down", without=True) == 0
+    killed, unheard = site.record().cells
     within_m = site.record().instrument.uncertainty_m
-    least_s, most_s = ROS2_TIMEOUT_S - PERIOD_S, ROS2_TIMEOUT_S + LATE_S
-    assert ROS2_SPEED_M_S * least_s + BRAKES_M - within_m < run.distance_m
-    assert run.distance_m < ROS2_SPEED_M_S * most_s + BRAKES_M + within_m
+    for cell, link_s in ((killed, 0.0), (unheard, LEASE_S)):
+        assert not cell.with_lifeline
+        (run,) = cell.runs
+        print(f"\n{run.distance_m} by the lidar, {run.odometry_m} by odometry, {run.t3_s} s")
+        assert run.stopped
+        assert run.distance_m is not None
+        least_s, most_s = ROS2_TIMEOUT_S - PERIOD_S, link_s + ROS2_TIMEOUT_S + LATE_S
+        assert ROS2_SPEED_M_S * least_s + BRAKES_M - within_m < run.distance_m
+        assert run.distance_m < ROS2_SPEED_M_S * most_s + BRAKES_M + within_m
     assert lifelines(site) == {topics.SUPERVISOR, topics.ROS2}
 
 
