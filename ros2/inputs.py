@@ -11,8 +11,13 @@ from ros2.config import Ros2Section
 from ros2.ros import Ros
 from ros2.samples import Sample, Writers
 from wire import cdr, topics
-from wire.stamp import Stamp, new_gid
+from wire.stamp import Stamp, Stamper
 from wire.zenoh.session import ZenohSession
+
+
+def new_gid() -> bytes:
+    """Return a random identity of a writer (16 bytes)."""
+    return Stamper().gid
 
 
 class Sensor(NamedTuple):

@@ -18,7 +18,7 @@ from ros2.base_clock import ODOM_DEPTH, BaseClock
 from ros2.commands import Base, Command, Source, message
 from ros2.config import Ros2Section, RosSourceSection
 from ros2.header_age import HeaderAge
-from ros2.inputs import Inputs, Sensor
+from ros2.inputs import Inputs, Sensor, new_gid
 from ros2.presence import Presence, Programs
 from ros2.reports import (
     base_report,
@@ -36,7 +36,7 @@ from wire import cdr, topics
 from wire.host.notify import Notifier
 from wire.host.pauses import StallMeter, never_suspended
 from wire.inbox import Inbox, LivelinessChange, NoReplyError, RawArrival, Token, woken_by
-from wire.stamp import Stamp, new_gid
+from wire.stamp import Stamp
 from wire.watchdog import BaseReason
 from wire.zenoh.session import RawPublisher, ZenohSession
 

@@ -42,11 +42,6 @@ def parse_stamp(attachment: bytes | None) -> Stamp | None:
     return Stamp(sequence, source_time_ns, gid) if gid_bytes == GID_BYTES else None
 
 
-def new_gid() -> bytes:
-    """Return a random epoch."""
-    return os.urandom(GID_BYTES)
-
-
 class Stamper:
     """Stamps the samples of one run of a publisher.
 
