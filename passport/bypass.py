@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from passport.child import READY, die_with_parent
+from passport.child import READY, die_with_parent, stop_with_stdin
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import EstopRecord, Record, RecordFiles
 from supervisor.messages import planar
@@ -152,8 +152,7 @@ async def pass_on(bus: Bus, sources: Iterable[str], valve: Valve, stop: asyncio.
 async def _run(stop: asyncio.Event, sections: Sections, directory: Path, sources: list[str]) -> int:
     bus_section = sections[BusSection]
     contract = sections[SupervisorSection].contract(bus_section.more_keys)
-    reading = asyncio.ensure_future(asyncio.to_thread(sys.stdin.read))
-    reading.add_done_callback(lambda _: stop.set())
+    stop_with_stdin(stop)
     try:
         bus = await open_bus(replace(bus_section.to_bus_config(), contract=contract), "hub")
     except BusError as error:

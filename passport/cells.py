@@ -127,10 +127,12 @@ class Bases(NamedTuple):
     """On the spot; each m means rad."""
     unheard: Base
     """Straight, while the operator's program does not hear the supervisor: only the end of its link stops the robot."""
+    unheard_alone: Base
+    """The same without Lifeline: nothing notices the end of the link, so the timeout of the base begins then."""
 
     def of(self, plan: Plan) -> Base:
         if plan.fault is Fault.LINK_CUT_DOWN:
-            return self.unheard
+            return self.unheard if plan.with_lifeline else self.unheard_alone
         return self.turning if plan.is_turn else self.straight
 
 
@@ -163,6 +165,7 @@ def trusted_bases(config: SupervisorSection, measured: MeasuredSection | None, l
         Base(config.base_acceleration_m_s2, deceleration_m_s2, reaction_s),
         Base(config.base_angular_acceleration_rad_s2, deceleration_rad_s2, reaction_s),
         Base(config.base_acceleration_m_s2, deceleration_m_s2, max(detected_s, lease_s) + later_s),
+        Base(config.base_acceleration_m_s2, deceleration_m_s2, lease_s + timeout_s + later_s),
     )
 
 

@@ -25,6 +25,12 @@ def die_with_parent(parent: int) -> None:
         sys.exit(1)
 
 
+def stop_with_stdin(stop: asyncio.Event) -> None:
+    """In the child: set `stop` when stdin ends, because the measurement ends the program or has ended itself."""
+    reading = asyncio.ensure_future(asyncio.to_thread(sys.stdin.read))
+    reading.add_done_callback(lambda _: stop.set())
+
+
 class Child:
     """A child process. The kernel kills it when this process ends; a terminal's Ctrl-C does not reach it.
 

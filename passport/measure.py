@@ -130,7 +130,7 @@ def measure(file: Path, launch: Launch, state: StateDir, running: Launch | None,
 
 
 def _without(robot: Robot, state: StateDir, orders: Orders) -> Without:
-    """Return what takes the place of the supervisor.
+    """Return what takes the place of Lifeline's processes.
 
     Raises:
         DeployError: the robot, or one of the faults, cannot be measured without Lifeline.
@@ -173,7 +173,7 @@ class Measurement:
         await self._driver.claim(stop)
         try:
             await self._steps()
-        except (AbortedError, InjectionError) as error:
+        except (AbortedError, DeployError, InjectionError) as error:
             self._say(f"aborted: {error}. {self._kept}")
             return EXIT_INTERRUPTED if stop.is_set() else EXIT_ABORTED
         finally:
@@ -181,7 +181,7 @@ class Measurement:
                 await self._driver.leave()
             finally:
                 if self._without is not None and not await self._without.end():
-                    self._say("the supervisor was not started again: `lifeline down`, then `lifeline up`")
+                    self._say("Lifeline was not started again: `lifeline down`, then `lifeline up`")
         self._say(f"written: {self._orders.out}")
         return 0
 

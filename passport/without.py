@@ -1,8 +1,9 @@
-"""Takes the place of the process `supervisor` by a hub that judges nothing, and gives it back."""
+"""Takes the place of Lifeline's processes by programs that judge nothing, and gives it back."""
 
 import asyncio
 
-from deploy.stack import processes, supervisord
+from deploy.stack import processes, ros2_program, supervisord
+from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir
 from passport.child import READY, Child
@@ -11,9 +12,10 @@ from wire import topics
 from wire.zenoh.local_socket import socket_of
 
 STOP_LIMIT_S = 6.0
-"""For the end of the supervisor: more than the stopwaitsecs of supervisord.conf."""
+"""For the end of a process: more than the stopwaitsecs of supervisord.conf."""
 END_LIMIT_S = 1.0
-START_LIMIT_S = 1.0
+START_LIMIT_S = STOP_LIMIT_S + 1.0
+"""Of a process that may still be ending."""
 
 
 class Without:
@@ -28,48 +30,77 @@ class Without:
     def __init__(self, launch: Launch, state: StateDir, sources: tuple[str, ...]) -> None:
         self._launch, self._state = launch, state
         self._sources = sources
-        self._has_begun = False
-        self._hub: Child | None = None
+        self._replaced = [topics.SUPERVISOR, *(name for name in launch.nodes if name == topics.ROS2)]
+        """The processes whose place is taken; the hub first."""
+        self._stopped: list[str] = []
+        """Those that supervisord was asked to stop."""
+        self._children: list[Child] = []
 
     def refusal(self) -> str | None:
         """Return why the robot cannot be measured without Lifeline; None if it can."""
-        if topics.ROS2 in self._launch.nodes:
-            return "a ROS 2 robot cannot be measured without Lifeline: the process ros2 itself stops its base"
         if socket_of(self._launch.bus.endpoint) is None:
             return "a robot with certificates cannot be measured without Lifeline: only its supervisor may command its base"
-        return not_supervised(self._launch, self._state, topics.SUPERVISOR)
+        for name in self._replaced:
+            if (problem := not_supervised(self._launch, self._state, name)) is not None:
+                return problem
+        try:
+            self._commands()
+        except DeployError as error:
+            return str(error)
+        return None
 
-    async def begin(self) -> None:
-        """Stop the supervisor, and start the hub in its place.
+    def _commands(self) -> list[list[str]]:
+        """Return the command lines of the programs that take the place of the processes, in the order of `_replaced`.
 
         Raises:
+            DeployError: of a ROS 2 robot, the interpreter is missing, or the state directory is not writable.
+        """
+        launch = self._launch
+        sources = [word for source in self._sources for word in ("--source", source)]
+        hub = [*launch.command("passport.bypass"), "--namespace", launch.bus.namespace]
+        commands = [[*hub, "--state-dir", str(self._state.path), *sources]]
+        if topics.ROS2 in self._replaced:
+            module = "passport.ros2_bypass"
+            commands.append(ros2_program.with_variables(self._state, launch.config, launch.bus, module))
+        return commands
+
+    async def begin(self) -> None:
+        """Stop the processes, and start the programs in their place.
+
+        Raises:
+            DeployError: a program cannot be started, so that nothing was stopped.
             InjectionError: one of them did not happen.
         """
-        self._has_begun = True
-        if not await asyncio.to_thread(supervisord.stop_program, self._state, topics.SUPERVISOR):
-            raise InjectionError("supervisord does not stop the supervisor")
+        commands = self._commands()
+        for name in self._replaced:
+            self._stopped.append(name)
+            if not await asyncio.to_thread(supervisord.stop_program, self._state, name):
+                raise InjectionError(f"supervisord does not stop the process {name}")
         loop = asyncio.get_running_loop()
         end_s = loop.time() + STOP_LIMIT_S
-        while any(one.name == topics.SUPERVISOR for one in processes.of(self._state.path)):
+        while running := [one.name for one in processes.of(self._state.path) if one.name in self._replaced]:
             if loop.time() > end_s:
-                raise InjectionError("the supervisor does not end")
+                raise InjectionError(f"the process {running[0]} does not end")
             await asyncio.sleep(processes.POLL_S)
-        sources = [word for source in self._sources for word in ("--source", source)]
-        command = [*self._launch.command("passport.bypass"), "--namespace", self._launch.bus.namespace]
-        self._hub = Child([*command, "--state-dir", str(self._state.path), *sources])
-        answer = await self._hub.first_line()
-        if answer != READY:
-            raise InjectionError(f"the hub without Lifeline cannot run: {answer or 'it has ended'}")
+        for name, command in zip(self._replaced, commands, strict=True):
+            child = Child(command)
+            self._children.append(child)
+            answer = await child.first_line()
+            if answer != READY:
+                raise InjectionError(
+                    f"what takes the place of the process {name} cannot run: {answer or 'it has ended'}"
+                )
 
     async def end(self) -> bool:
-        """End the hub, which sends zero, and start the supervisor again; return whether it starts."""
-        if not self._has_begun:
-            return True
-        if self._hub is not None:
-            await self._hub.end(END_LIMIT_S)
+        """End the programs, which send zero, and start the processes again; return whether they start."""
+        for child in self._children:
+            await child.end(END_LIMIT_S)
+        return all([await self._starts_again(name) for name in self._stopped])
+
+    async def _starts_again(self, name: str) -> bool:
         loop = asyncio.get_running_loop()
         end_s = loop.time() + START_LIMIT_S
-        while not await asyncio.to_thread(supervisord.start_program, self._state, topics.SUPERVISOR):
+        while not await asyncio.to_thread(supervisord.start_program, self._state, name):
             if loop.time() > end_s:
                 return False
             await asyncio.sleep(processes.POLL_S)

@@ -7,19 +7,18 @@ also owns the tokens and the base's watchdog: if it hangs, nothing is published.
 import asyncio
 import logging
 import math
-import os
 import time
 from collections.abc import Callable, Coroutine
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 from ros2 import ros
 from ros2.base_clock import ODOM_DEPTH, BaseClock
 from ros2.commands import Base, Command, Source, message
 from ros2.config import Ros2Section, RosSourceSection
 from ros2.header_age import HeaderAge
+from ros2.inputs import Inputs, Sensor, new_gid
 from ros2.presence import Presence, Programs
 from ros2.reports import (
     base_report,
@@ -37,7 +36,7 @@ from wire import cdr, topics
 from wire.host.notify import Notifier
 from wire.host.pauses import StallMeter, never_suspended
 from wire.inbox import Inbox, LivelinessChange, NoReplyError, RawArrival, Token, woken_by
-from wire.stamp import GID_BYTES, Stamp
+from wire.stamp import Stamp
 from wire.watchdog import BaseReason
 from wire.zenoh.session import RawPublisher, ZenohSession
 
@@ -79,16 +78,6 @@ class _Feed:
         self.epoch, self.run = b"", None
 
 
-@dataclass(slots=True)
-class _Sensor:
-    """A sensor's topic."""
-
-    name: str
-    topic: str
-    type_name: str
-    writers: Writers
-
-
 class Ros2Service:
     """One robot's ROS 2 side on one Zenoh session.
 
@@ -127,11 +116,14 @@ class Ros2Service:
         self._base_clock = BaseClock(config.stamp)
         self._odometry: Inbox[Sample] = Inbox(ODOM_DEPTH, None)
         """Of a base that listens to TwistStamped, for its clock. It wakes nothing, because the loop reads it often enough."""
-        self._sensors = [
-            self._sensor(f"scan {topic}", topic, ros.LASER_SCAN, topics.lidar_scan(on_wire))
-            for topic, on_wire in zip(config.scans, lidar_topics, strict=True)
-        ]
-        self._sensors.append(self._sensor("odom", config.odom, ros.ODOMETRY, topics.ODOM))
+        self._inputs = Inputs(
+            session,
+            node,
+            config,
+            lidar_topics=lidar_topics,
+            matched=self._on_match,
+            odometry=self._odometry.push,
+        )
         self._feeds = [self._feed(section, command_timeout_s) for section in config.sources]
 
         self._cmd_vel_topic = config.resolved(config.cmd_vel)
@@ -153,32 +145,14 @@ class Ros2Service:
         self._reported: list[tuple[str, Level, str]] = []
         self._next_look_s = self._next_poll_s = self._next_report_s = 0.0
 
-        self._estop = session.publisher_raw(topics.ESTOP)
-        self._estop_topic = config.resolved(topics.ESTOP.key)
-        for quality in ros.Quality:  # a press must arrive from any button, also one before the start
-            node.subscribe(self._estop_topic, ros.BOOL, self._on_estop, self._on_match, quality=quality)
         node.serve("/lifeline/reset", partial(self._on_request, self._reset))
         node.serve("/lifeline/arm", partial(self._on_request, self._arm))
-
-    def _sensor(self, name: str, relative: str, type_name: str, to: topics.Topic[Any]) -> _Sensor:
-        sensor = _Sensor(name, self._config.resolved(relative), type_name, Writers(_new_gid))
-        out = self._session.publisher_raw(to)
-
-        def on_message(sample: Sample) -> None:
-            """Pass a message on; called on the node's thread."""
-            gid = sensor.writers.gid_of(sample)
-            out.put_bytes(sample.payload, Stamp(sample.sequence, sample.source_time_ns, gid).pack())
-            if to is topics.ODOM and self._config.stamped:
-                self._odometry.push(sample)
-
-        self._node.subscribe(sensor.topic, type_name, on_message, self._on_match)
-        return sensor
 
     def _feed(self, section: RosSourceSection, timeout_s: float) -> _Feed:
         topic, type_name = self._config.resolved(section.topic), twist_type(stamped=section.stamped)
         limit_s = None if section.clock == "own" else section.clock_limit_s
         source = Source(
-            Writers(_new_gid),
+            Writers(new_gid),
             headers=HeaderAge(section.name, timeout_s, limit_s) if section.stamped else None,
             hold_s=section.hold_s,
             on_request=section.arm == "on_request",
@@ -198,11 +172,6 @@ class Ros2Service:
 
     def _on_match(self) -> None:
         self._matches.push(None)
-
-    def _on_estop(self, sample: Sample) -> None:
-        """Press the e-stop; a message that is not a Bool may be a press: unproven means stop."""
-        if cdr.bool_of(sample.payload) is not False:
-            self._estop.put_bytes(cdr.TRUE)
 
     def _on_request(self, answer: Callable[[], Coroutine[None, None, tuple[bool, str]]]) -> tuple[bool, str]:
         """Answer a request in the loop; after the time limit it is not executed, because its caller was sent a failure."""
@@ -227,7 +196,7 @@ class Ros2Service:
 
     async def run(self, stop: asyncio.Event) -> None:
         """Pass messages in both directions until `stop` is set; then command zero and return."""
-        tokens = [self._session.declare_alive(topics.ROS2, epoch) for epoch in (b"", self._estop.epoch)]
+        tokens = [self._session.declare_alive(topics.ROS2, epoch) for epoch in (b"", self._inputs.epoch)]
         stopping = asyncio.ensure_future(stop.wait())
         stopping.add_done_callback(lambda _: self._wake.set())
         self._node.start()
@@ -409,19 +378,19 @@ class Ros2Service:
 
     def _report(self, now_s: float, base: Report) -> None:
         """Publish all reports once a second, and at once when a source, the mode or the base's topic has changed."""
-        estop = estop_report(self._estop_topic, self._node.publishers(self._estop_topic))
+        estop = estop_report(self._inputs.estop_topic, self._node.publishers(self._inputs.estop_topic))
         first = [self._mode_report(), *map(self._source_report, self._feeds), base, estop]
         outline = [(report.name, report.level, report.message) for report in first]
         if now_s < self._next_report_s and outline == self._reported:
             return
         self._reported = outline
         self._next_report_s = now_s + REPORT_PERIOD_S
-        reports = [*first, *(self._sensor_report(sensor, now_s) for sensor in self._sensors)]
+        reports = [*first, *(self._sensor_report(sensor, now_s) for sensor in self._inputs.sensors)]
         array = diagnostic_array(reports, time.time_ns())
         self._diagnostics(array)
         self._diagnostics_out.put_bytes(array)
 
-    def _sensor_report(self, sensor: _Sensor, now_s: float) -> Report:
+    def _sensor_report(self, sensor: Sensor, now_s: float) -> Report:
         return sensor_report(
             sensor.name,
             sensor.topic,
@@ -434,10 +403,6 @@ class Ros2Service:
 
 def _push(inbox: Inbox[RawArrival], payload: bytes, attachment: bytes | None, arrival_s: float) -> None:
     inbox.push(RawArrival(payload, attachment, arrival_s))
-
-
-def _new_gid() -> bytes:
-    return os.urandom(GID_BYTES)
 
 
 def _base_text(reason: BaseReason) -> str:

@@ -22,7 +22,8 @@ from wire.host.command_line import bus_options
 from wire.host.config import ConfigError, absolute, read_toml, section
 from wire.host.installation import checkout
 
-PACKAGES = ("ros2", "wire")
+PACKAGES = ("ros2", "wire", "passport")
+"""What the programs in that interpreter import; of the passport, only what takes the place of the ROS 2 process."""
 ROOT = Path(__file__).resolve().parents[2]
 """Where Lifeline's packages are: the checkout, or `site-packages`."""
 ALL_ROS = Path("/opt/ros")
@@ -77,9 +78,11 @@ def unused_ros(variables: Mapping[str, str], present: Mapping[str, str], all_ros
     return sorted(path.parent for path in all_ros.glob("*/setup.sh"))
 
 
-def command(python: Path, config: Path, bus: BusConfig, *options: str) -> list[str]:
-    """Return the command line of the ROS 2 process."""
-    return [str(python), "-m", topics.ROS2, "--config", str(config), *bus_options(bus), *options]
+def command(
+    python: Path, config: Path, bus: BusConfig, *options: str, module: str = topics.ROS2
+) -> list[str]:
+    """Return the command line of the ROS 2 process, or of another module in its interpreter."""
+    return [str(python), "-m", module, "--config", str(config), *bus_options(bus), *options]
 
 
 def variables_of(python: Path, packages: Path, present: Mapping[str, str]) -> dict[str, str]:
@@ -116,8 +119,8 @@ def link_packages(state: StateDir) -> Path:
     return directory
 
 
-def shell_command(state: StateDir, config: Path, bus: BusConfig) -> str:
-    """Return the command with its variables for supervisord.conf, as a line of shell words.
+def with_variables(state: StateDir, config: Path, bus: BusConfig, module: str = topics.ROS2) -> list[str]:
+    """Return the command line of the ROS 2 process, or of another module in its interpreter, which also sets its variables.
 
     Raises:
         DeployError: the interpreter is missing, or the state directory is not writable.
@@ -125,7 +128,16 @@ def shell_command(state: StateDir, config: Path, bus: BusConfig) -> str:
     python = interpreter(config)
     variables = variables_of(python, link_packages(state), os.environ)
     words = [f"{name}={value}" for name, value in variables.items()]
-    return shlex.join(["/usr/bin/env", *words, *command(python, config, bus)])
+    return ["/usr/bin/env", *words, *command(python, config, bus, module=module)]
+
+
+def shell_command(state: StateDir, config: Path, bus: BusConfig) -> str:
+    """Return the command with its variables for supervisord.conf, as a line of shell words.
+
+    Raises:
+        DeployError: the interpreter is missing, or the state directory is not writable.
+    """
+    return shlex.join(with_variables(state, config, bus))
 
 
 def run(state: StateDir, config: Path, bus: BusConfig, *options: str) -> NoReturn:

@@ -40,6 +40,8 @@ OPTIONS = {"processes": "-u", "file descriptors": "-n"}
 START_LIMIT_S = 20.0
 FETCH_LIMIT_S = 180.0
 ANSWER_LIMIT_S = 3.0
+STARTED = {"STARTING", "RUNNING"}
+"""The states of a program that runs."""
 DO_NOT_WAIT = False
 """The argument `wait` of supervisord's calls."""
 
@@ -211,8 +213,12 @@ def stop_program(state: StateDir, name: str) -> bool:
 
 
 def start_program(state: StateDir, name: str) -> bool:
-    """Ask supervisord to start a program that is stopped; return whether it does."""
-    return _ask(state, "supervisor.startProcess", name, DO_NOT_WAIT) is True
+    """Ask supervisord to start a program that is stopped; return whether it runs, or will soon.
+
+    supervisord also confirms the start of a program that is still ending, and forgets it: ask again until it runs.
+    """
+    _ask(state, "supervisor.startProcess", name, DO_NOT_WAIT)
+    return any(one.name == name and one.state in STARTED for one in programs(state) or [])
 
 
 def shutdown(state: StateDir) -> bool:

@@ -233,7 +233,7 @@ def measure(robot: str, runs: int, faults: Sequence[str], only_record: Path | No
     record = FOLDER / f"{robot}.json" if only_record is None else only_record.resolve()
     with ROBOTS[robot]() as one:
         one.out = record
-        for without in (False, True) if robot == DEMO and not faults else (False,):
+        for without in (False, True) if not faults else (False,):
             _conduct(one.measure(*faults, runs=runs, without=without))
     if only_record is not None:
         return f"{only_record}: measured"

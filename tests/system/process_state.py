@@ -26,6 +26,11 @@ def memory_bytes(pid: int) -> int:
         return 0
 
 
+def command_of(pid: int) -> list[str]:
+    """Return the words of the command line of a process."""
+    return Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+
+
 def children_of(pid: int) -> list[int]:
     """Return the ids of its child processes."""
     everyone = [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdecimal()]

@@ -1,13 +1,18 @@
 """`lifeline passport measure` with real processes: a person at a terminal, and a simulated robot whose brakes are known."""
 
 import asyncio
+import os
 import re
+import signal
 from collections.abc import Generator
+from concurrent.futures import ThreadPoolExecutor
 
 import pexpect
 import pytest
 
-from deploy.stack import processes
+from commission.commission import EXIT_INTERRUPTED
+from deploy.stack import processes, supervisord
+from deploy.stack.statedir import StateDir
 from docs.generate.measure_passport import BRAKING_M_S2, DEMO_FILE, PATIENCE_S, SPEED_M_S, Site, answer, run
 from docs.generate.measure_passport import site as new_site
 from passport.cells import Fault
@@ -103,6 +108,28 @@ def test_the_stops_after_four_faults_are_those_of_the_robot_and_a_key_ends_the_n
     assert re.search("aborted: a key was pressed. The runs until now are in", terminal.before or "")
     asyncio.run(comes_to_rest(site))
     assert [len(one.runs) for one in site.record().cells] == [1, 1, 1, 1]
+
+
+@pytest.mark.timeout(300)
+def test_ctrl_c_while_lifeline_is_being_replaced_leaves_a_supervisor_that_runs(site: Site) -> None:
+    site.up()
+    terminal = site.measure("operator-killed", without=True)
+    assert terminal.pid is not None
+    with ThreadPoolExecutor(1) as pool:
+        answering = pool.submit(answer, terminal)
+        while runs(site):
+            assert not answering.done()
+        os.kill(terminal.pid, signal.SIGINT)
+        answering.result()
+    terminal.close(force=True)
+    assert terminal.exitstatus == EXIT_INTERRUPTED
+    assert runs(site)
+
+
+def runs(site: Site) -> bool:
+    """Return whether the supervisor runs, and supervisord does not end it."""
+    programs = supervisord.programs(StateDir(site.state)) or []
+    return any(one.name == topics.SUPERVISOR and one.state in supervisord.STARTED for one in programs)
 
 
 def test_without_a_terminal_nothing_moves_and_it_says_why(site: Site) -> None:

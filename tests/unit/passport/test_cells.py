@@ -161,6 +161,20 @@ def test_an_operator_that_does_not_hear_the_supervisor_is_stopped_by_the_end_of_
         assert later_s == pytest.approx(max(0.0, lease_s - longest_s))
 
 
+def test_without_lifeline_the_timeout_of_the_base_begins_only_when_the_link_has_ended() -> None:
+    plan = Plan(Fault.LINK_CUT_DOWN, 0.5, with_lifeline=False)
+    measured = MeasuredSection(base_timeout_s=value(0.6, 0.7))
+    for lease_s in (0.4, 2.0):
+        alone = trusted_bases(CONFIG, None, lease_s).of(plan)
+        assert alone.reaction_s == pytest.approx(lease_s + CONFIG.base_timeout_s + CONFIG.transport_s)
+        worse = trusted_bases(CONFIG, measured, lease_s).of(plan)
+        assert worse.reaction_s == pytest.approx(lease_s + 0.7 + CONFIG.transport_s)
+    assert (
+        trusted_bases(CONFIG, None, 0.4).of(plan._replace(fault=Fault.LINK_CUT))
+        == trusted_bases(CONFIG, None, 0.4).straight
+    )
+
+
 def test_the_base_is_trusted_as_far_as_it_is_configured_and_measured() -> None:
     configured = trusted_bases(CONFIG, None, LEASE_S).straight
     assert configured.deceleration_m_s2 == CONFIG.deceleration_m_s2

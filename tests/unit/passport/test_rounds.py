@@ -123,7 +123,7 @@ class Robot:
 
 def rounds_of(robot: Robot) -> Rounds:
     same = cast("Any", robot)
-    found = Rounds(same, same, same, same, Bases(BASE, BASE, BASE), "teleop")
+    found = Rounds(same, same, same, same, Bases(BASE, BASE, BASE, BASE), "teleop")
     found.place = Place(POSE, 5.0)
     return found
 

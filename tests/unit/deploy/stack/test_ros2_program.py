@@ -110,7 +110,7 @@ def test_only_the_packages_of_the_ros_2_process_are_linked(tmp_path: Path) -> No
     stale.symlink_to(tmp_path / "an earlier checkout")
     for _ in range(2):
         directory = link_packages(state)
-        assert sorted(link.name for link in directory.iterdir()) == ["ros2", "wire"]
+        assert sorted(link.name for link in directory.iterdir()) == ["passport", "ros2", "wire"]
         assert (directory / "ros2" / "__init__.py").samefile(ros2_program.ROOT / "ros2" / "__init__.py")
 
 
