@@ -40,7 +40,7 @@ ros2: $(ROS2_STAMP) ## create the environment .ros2 with rclpy, in which `python
 
 # With LIFELINE_UNDER_MAKE, it exits with 0, or make would add `Error 2` to its sentence.
 run: $(DRIVE_STAMP) ## drive the robot by keyboard; without a terminal, play the demo
-	@if [ -t 0 ] && [ -t 1 ]; then exec env LIFELINE_UNDER_MAKE=1 .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
+	@if [ -t 0 ] && [ -t 1 ]; then echo "lifeline: to drive in a browser instead: .venv/bin/lifeline up --station --drive"; exec env LIFELINE_UNDER_MAKE=1 .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
 test: $(STAMP) ## run the checks and the tests, also with real processes; each commit must pass them (five minutes)
 	$(COMPILE)
@@ -185,7 +185,7 @@ endef
 
 $(DRIVE_STAMP): uv.lock pyproject.toml | $(OWN_UV)
 	@echo "lifeline: installing what driving needs; this fetches at most 90 MB, once"
-	$(call INSTALL,--inexact --no-dev --extra sim --extra gamepad)
+	$(call INSTALL,--inexact --no-dev --extra sim --extra gamepad --extra station)
 	@touch $@
 
 $(STAMP): uv.lock pyproject.toml | $(OWN_UV)

@@ -69,12 +69,16 @@ def run(
     run_command(lambda stop: _serve(stop, launch, name, address, listening, bundle, wheel))
 
 
-def beside(launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool) -> Launch:
+def beside(
+    launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool, drives: bool = False
+) -> Launch:
     """Return the same robot with the page of the station among its programs; the arguments are those of `run`.
 
     Raises:
         DeployError: as for `run`, except for the port, which the program itself opens.
     """
+    if drives:
+        wheel_of(launch)
     _hosts(launch, name, is_open=is_open, may_open=may_open)
     opening = ("--open", "--yes") if is_open else ()
     module, *options = launch.command("lifeline.cli.app")[2:]
@@ -88,9 +92,10 @@ def beside(launch: Launch, name: str, port: int, *, is_open: bool, may_open: boo
         "--port",
         str(port),
         *opening,
+        *(["--drive"] if drives else []),
         *options,
     )
-    return replace(launch, station=command)
+    return replace(launch, station=command, station_name=name, drives_on_page=drives)
 
 
 def _hosts(

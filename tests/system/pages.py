@@ -30,10 +30,12 @@ class Server(Operator):
     """`lifeline station --name phone` at a free port."""
 
     def __init__(self, endpoint: str, config: Path, *more: str) -> None:
+        self._serve("station", "--name", "phone", "--endpoint", endpoint, "--config", str(config), *more)
+
+    def _serve(self, *command: str) -> None:
         self.port = free_endpoint().rpartition(":")[2]
         self.origin = f"http://127.0.0.1:{self.port}"
-        options = ("--name", "phone", "--port", self.port, "--endpoint", endpoint, "--config", str(config))
-        super().__init__(LIFELINE, "station", *options, *more)
+        super().__init__(LIFELINE, *command, "--port", self.port)
 
     async def address(self, number: int = 1) -> str:
         """Return the page's address with the code that was printed as the first, second, …."""
@@ -82,6 +84,14 @@ class Server(Operator):
             host="127.0.0.1",
             port=int(self.port),
         )
+
+
+class Beside(Server):
+    """`lifeline up --station --drive` with the default configuration, at a free port."""
+
+    def __init__(self, endpoint: str, state: Path) -> None:
+        options = ("--no-viewer", "--endpoint", endpoint, "--state-dir", str(state))
+        self._serve("up", "--station", "--drive", *options)
 
 
 class Page:
