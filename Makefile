@@ -10,6 +10,8 @@ DRIVE_STAMP := .venv/.made-to-drive
 ROS2_STAMP := .ros2/.made-from-lock
 RMW_ZENOH_STAMP := .rmw-zenoh/.made-from-lock
 PEERS_STAMP := .peers/.made-from-lock
+# The wheel has axe-core; the packages on which it depends are not needed.
+AXE := .axe/axe_playwright_python/axe.min.js
 
 # Use the machine's Python: uv must not download one.
 export UV_PYTHON_DOWNLOADS := never
@@ -75,7 +77,7 @@ flaky: $(STAMP) ## run the system tests N times (10), every third time under loa
 first-minute: $(STAMP) ## measure `make run` in a new clone with an empty home directory
 	.venv/bin/python -m tests.first_minute
 
-timed: $(STAMP) $(PEERS_STAMP) ## run the system tests that measure real time, one at a time, on an idle machine (16 minutes)
+timed: $(STAMP) $(PEERS_STAMP) $(AXE) ## run the system tests that measure real time, one at a time, on an idle machine (16 minutes)
 	.venv/bin/pytest -s tests/system -m timed --durations=10
 
 demo: $(STAMP) ## play the demo from the checkout and from an installed wheel, and test what is installed (two minutes)
@@ -207,6 +209,10 @@ $(RMW_ZENOH_STAMP): uv.lock pyproject.toml | $(OWN_UV)
 
 $(PEERS_STAMP): uv.lock pyproject.toml | $(OWN_UV)
 	UV_PROJECT_ENVIRONMENT=.peers $(UV) sync --locked --compile-bytecode --python $(PYTHON) --only-group peers
+	@touch $@
+
+$(AXE): tests/axe.txt | $(OWN_UV)
+	$(UV) pip install --quiet --no-deps --verify-hashes --target .axe -r tests/axe.txt
 	@touch $@
 
 .uv/bin/uv:
