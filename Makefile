@@ -167,9 +167,10 @@ fifth: $(STAMP) ## the same with a fifth of the mutants, another one after each 
 	.venv/bin/python -m tests.mutation --fifth
 	.venv/bin/python -m tests.proven --passed mutants
 
-picture: $(STAMP) ## render the warehouse and the animation again (a few minutes)
+picture: $(STAMP) ## render the warehouse, the animation and the page again (a few minutes)
 	.venv/bin/python -m docs.generate.draw_warehouse
 	.venv/bin/python -m docs.generate.draw_crash_animation
+	.venv/bin/python -m docs.generate.draw_page
 
 # $(1): the options of uv. A test compares the announced sizes with uv.lock.
 define INSTALL
