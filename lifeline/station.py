@@ -42,7 +42,14 @@ CODE_LENGTH = 12
 
 
 def run(
-    launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool, drives: bool = False
+    launch: Launch,
+    name: str,
+    port: int,
+    *,
+    is_open: bool,
+    may_open: bool,
+    drives: bool = False,
+    passport: str = "",
 ) -> NoReturn:
     """Serve the page until Ctrl-C.
 
@@ -53,6 +60,7 @@ def run(
         is_open: whether to serve it to the local network.
         may_open: whether to do so without asking.
         drives: whether a page may drive.
+        passport: the sentence of the robot's passport, for the page; empty: none.
 
     Raises:
         DeployError: the name, the certificate or the port is refused, or the person does not confirm.
@@ -66,7 +74,7 @@ def run(
         text = f"{bracketed(hosts[0])}:{port}"
         raise cannot_listen(text, error.errno, error.strerror or str(error), "--port N") from error
     address = Address("http" if bundle is None else "https", tuple(map(bracketed, hosts)), port)
-    run_command(lambda stop: _serve(stop, launch, name, address, listening, bundle, wheel))
+    run_command(lambda stop: _serve(stop, launch, name, address, listening, bundle, wheel, passport))
 
 
 def beside(
@@ -161,6 +169,7 @@ async def _serve(
     listening: socket.socket,
     bundle: Bundle | None,
     wheel: SourceWheel | None,
+    passport: str,
 ) -> int:
     loop = asyncio.get_running_loop()
     printer = ThreadPoolExecutor(1)  # a terminal that accepts no output must not delay the lease
@@ -168,7 +177,7 @@ async def _serve(
     def report(sentence: str) -> None:
         printer.submit(say, sentence)
 
-    pairing, relay, painter = Pairing(), Relay(name, launch.bus.endpoint), painter_of(launch)
+    pairing, relay, painter = Pairing(), Relay(name, launch.bus.endpoint), painter_of(launch, passport)
     driving = None if wheel is None else Driving(wheel)
     application = Application(name, address, relay, pairing, report, painter, driving)
 

@@ -187,6 +187,18 @@ def station(
             help="Let one page drive the robot, as the command source of teleop, which must not run.",
         ),
     ] = False,
+    passport: Annotated[
+        Path | None,
+        option(
+            "--passport",
+            "FILE",
+            "Show the first sentence of this signed passport of the robot's configuration.",
+        ),
+    ] = None,
+    authority: Annotated[
+        Path | None,
+        option("--authority", "PEM", "Certificate of the authority of --passport. Default: that of --keys."),
+    ] = None,
     new_code: Annotated[
         bool, typer.Option("--new-code", help="Only print a new code of the page of `lifeline up --station`.")
     ] = False,
@@ -203,7 +215,12 @@ def station(
 
         print_code(new_station_address(robot.state))
         return
-    run(robot.launch, name, port, is_open=is_open, may_open=yes, drives=drive)
+    shown = ""
+    if passport is not None:
+        from lifeline.own_passport import sentence_of
+
+        shown = sentence_of(robot.launch, passport, authority)
+    run(robot.launch, name, port, is_open=is_open, may_open=yes, drives=drive, passport=shown)
 
 
 @command(app)

@@ -66,6 +66,7 @@ function lose() {
 function onMessage(message) {
   if (message.kind === "robot") {
     robot = message;
+    write("passport", [robot.passport]);
     return;
   }
   const own = socket;

@@ -3,7 +3,7 @@
 import asyncio
 import json
 import re
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Sequence
 from contextlib import asynccontextmanager, suppress
 from itertools import count
 from pathlib import Path
@@ -137,12 +137,16 @@ class Page:
 
 @asynccontextmanager
 async def served(
-    tmp_path: Path, *nodes: str, teleop: bool = False, drives: bool = False
+    tmp_path: Path,
+    *nodes: str,
+    teleop: bool = False,
+    drives: bool = False,
+    options: Sequence[str] = (),
 ) -> AsyncGenerator[tuple[Robot, Server]]:
     """A robot with the required station `phone`, by default only its supervisor, and the server of its page."""
     config = config_with(tmp_path, phone=True)
     async with robot(tmp_path, *(nodes or (topics.SUPERVISOR,)), teleop=teleop, config=config) as subject:
-        server = Server(subject.endpoint, config, *(["--drive"] if drives else []))
+        server = Server(subject.endpoint, config, *(["--drive"] if drives else []), *options)
         try:
             await server.address()
             yield subject, server
