@@ -10,6 +10,8 @@ DRIVE_STAMP := .venv/.made-to-drive
 ROS2_STAMP := .ros2/.made-from-lock
 RMW_ZENOH_STAMP := .rmw-zenoh/.made-from-lock
 PEERS_STAMP := .peers/.made-from-lock
+# The wheel has axe-core; the packages on which it depends are not needed.
+AXE := .axe/axe_playwright_python/axe.min.js
 
 # Use the machine's Python: uv must not download one.
 export UV_PYTHON_DOWNLOADS := never
@@ -40,7 +42,7 @@ ros2: $(ROS2_STAMP) ## create the environment .ros2 with rclpy, in which `python
 
 # With LIFELINE_UNDER_MAKE, it exits with 0, or make would add `Error 2` to its sentence.
 run: $(DRIVE_STAMP) ## drive the robot by keyboard; without a terminal, play the demo
-	@if [ -t 0 ] && [ -t 1 ]; then exec env LIFELINE_UNDER_MAKE=1 .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
+	@if [ -t 0 ] && [ -t 1 ]; then echo "lifeline: to drive in a browser instead: .venv/bin/lifeline up --station --drive"; exec env LIFELINE_UNDER_MAKE=1 .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
 test: $(STAMP) ## run the checks and the tests, also with real processes; each commit must pass them (five minutes)
 	$(COMPILE)
@@ -75,7 +77,7 @@ flaky: $(STAMP) ## run the system tests N times (10), every third time under loa
 first-minute: $(STAMP) ## measure `make run` in a new clone with an empty home directory
 	.venv/bin/python -m tests.first_minute
 
-timed: $(STAMP) $(PEERS_STAMP) ## run the system tests that measure real time, one at a time, on an idle machine (16 minutes)
+timed: $(STAMP) $(PEERS_STAMP) $(AXE) ## run the system tests that measure real time, one at a time, on an idle machine (16 minutes)
 	.venv/bin/pytest -s tests/system -m timed --durations=10
 
 demo: $(STAMP) ## play the demo from the checkout and from an installed wheel, and test what is installed (two minutes)
@@ -165,9 +167,10 @@ fifth: $(STAMP) ## the same with a fifth of the mutants, another one after each 
 	.venv/bin/python -m tests.mutation --fifth
 	.venv/bin/python -m tests.proven --passed mutants
 
-picture: $(STAMP) ## render the warehouse and the animation again (a few minutes)
+picture: $(STAMP) ## render the warehouse, the animation and the page again (a few minutes)
 	.venv/bin/python -m docs.generate.draw_warehouse
 	.venv/bin/python -m docs.generate.draw_crash_animation
+	.venv/bin/python -m docs.generate.draw_page
 
 # $(1): the options of uv. A test compares the announced sizes with uv.lock.
 define INSTALL
@@ -185,7 +188,7 @@ endef
 
 $(DRIVE_STAMP): uv.lock pyproject.toml | $(OWN_UV)
 	@echo "lifeline: installing what driving needs; this fetches at most 90 MB, once"
-	$(call INSTALL,--inexact --no-dev --extra sim --extra gamepad)
+	$(call INSTALL,--inexact --no-dev --extra sim --extra gamepad --extra station)
 	@touch $@
 
 $(STAMP): uv.lock pyproject.toml | $(OWN_UV)
@@ -207,6 +210,10 @@ $(RMW_ZENOH_STAMP): uv.lock pyproject.toml | $(OWN_UV)
 
 $(PEERS_STAMP): uv.lock pyproject.toml | $(OWN_UV)
 	UV_PROJECT_ENVIRONMENT=.peers $(UV) sync --locked --compile-bytecode --python $(PYTHON) --only-group peers
+	@touch $@
+
+$(AXE): tests/axe.txt | $(OWN_UV)
+	$(UV) pip install --quiet --no-deps --verify-hashes --target .axe -r tests/axe.txt
 	@touch $@
 
 .uv/bin/uv:

@@ -1,4 +1,4 @@
-"""`lifeline up`: start the stack and run teleop in this terminal."""
+"""`lifeline up`: start the stack, and run teleop in this terminal or let a page drive."""
 
 import asyncio
 import json
@@ -38,7 +38,7 @@ def up(
     as_json: bool = False,
     show_station: Callable[[str], None] = print,
 ) -> int:
-    """Start the stack, run teleop, and return teleop's exit code (128 + N if signal N ended it).
+    """Start the stack, run teleop unless a page drives, and return teleop's exit code (128 + N if signal N ended it).
 
     Args:
         state: where its records and logs are.
@@ -54,6 +54,8 @@ def up(
     if as_json and not detach:
         raise DeployError("--json needs --detach: without it, teleop uses this terminal")
     if not detach and not (sys.stdin.isatty() and sys.stdout.isatty()):
+        if launch.drives_on_page:
+            raise DeployError("a new code for the page needs a terminal: add --detach")
         raise DeployError(
             "teleop needs a terminal, but input or output is not one: use --detach to start the robot without teleop, "
             "or `lifeline demo`, which needs no keys"
@@ -73,6 +75,9 @@ def up(
                 _announce(state, launch, say, detach=detach, as_json=as_json, show_station=show_station)
                 if detach:
                     keep = True
+                    return 0
+                if launch.drives_on_page:
+                    _offer_codes(state, say, show_station)
                     return 0
                 return _teleop_here(state, launch, say)
             finally:
@@ -106,9 +111,18 @@ def _announce(
         say(hint)
     if station is not None:
         show_station(station)
-        if not detach:
-            say("Enter: start teleop, which uses this terminal")
+        if not detach and not launch.drives_on_page:
+            say(
+                "Enter: start teleop, which uses this terminal; to drive on the page instead, start with --drive"
+            )
             sys.stdin.readline()
+
+
+def _offer_codes(state: StateDir, say: Say, show_station: Callable[[str], None]) -> None:
+    """Show the page's address with a new code at each Enter, until the end of input."""
+    say("Enter: a new code; Ctrl-C: stop everything")
+    while sys.stdin.readline():
+        show_station(bringup.new_station_address(state))
 
 
 def become_teleop(launch: Launch, options: Sequence[str]) -> NoReturn:
@@ -123,7 +137,9 @@ def hints(state: StateDir, launch: Launch) -> Iterator[str]:
         f"running at {launch.bus.endpoint}; check it with `lifeline status{state.option}`, "
         f"stop it with `lifeline down{state.option}`"
     )
-    if _can_drive(launch.bus):
+    if launch.drives_on_page:
+        yield "drive on the page; `lifeline station --new-code` prints a new code"
+    elif _can_drive(launch.bus):
         yield f"drive with `{launch.drive}`"
     else:
         yield (

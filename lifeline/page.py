@@ -21,10 +21,11 @@ class LivePainter:
 
     Args:
         picture: keeps what is drawn.
+        passport: the sentence of the robot's passport; empty: none.
     """
 
-    def __init__(self, picture: Picture) -> None:
-        self._picture = picture
+    def __init__(self, picture: Picture, passport: str) -> None:
+        self._picture, self._passport = picture, passport
         self._bus: Bus | None = None
         self._heard: dict[str, Subscription[Any]] = {}
 
@@ -33,7 +34,7 @@ class LivePainter:
         self._bus = bus
 
     def robot(self) -> dict[str, object]:
-        return self._picture.robot()
+        return {**self._picture.robot(), "passport": self._passport}
 
     def picture(self) -> tuple[dict[str, object], float]:
         """Return the newest picture, and when its oldest scan arrived: of each topic, only the newest message is drawn."""
@@ -45,14 +46,14 @@ class LivePainter:
         return self._picture.picture(asyncio.get_running_loop().time()), self._picture.scan_s
 
 
-def painter_of(launch: Launch) -> LivePainter | None:
-    """Return what shows the robot; None if its configuration is not known here."""
+def painter_of(launch: Launch, passport: str = "") -> LivePainter | None:
+    """Return what shows the robot, with the sentence of its passport; None if its configuration is not known here."""
     if ANY_BASE in launch.nodes:
         return None
     config = launch.section("supervisor", SupervisorSection)
     measured = launch.section("measured", MeasuredSection)
     scene = scene_of(config, launch.bus.namespace)
-    return LivePainter(Picture(scene, stopping_of(config, measured), _most(config)))
+    return LivePainter(Picture(scene, stopping_of(config, measured), _most(config)), passport)
 
 
 def wheel_of(launch: Launch) -> SourceWheel:

@@ -43,7 +43,14 @@ CODE_LENGTH = 12
 
 
 def run(
-    launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool, drives: bool = False
+    launch: Launch,
+    name: str,
+    port: int,
+    *,
+    is_open: bool,
+    may_open: bool,
+    drives: bool = False,
+    passport: str = "",
 ) -> NoReturn:
     """Serve the page until Ctrl-C.
 
@@ -54,6 +61,7 @@ def run(
         is_open: whether to serve it to the local network.
         may_open: whether to do so without asking.
         drives: whether a page may drive.
+        passport: the sentence of the robot's passport, for the page; empty: none.
 
     Raises:
         DeployError: the name, the certificate or the port is refused, or the person does not confirm.
@@ -67,15 +75,19 @@ def run(
         text = f"{bracketed(hosts[0])}:{port}"
         raise cannot_listen(text, error.errno, error.strerror or str(error), "--port N") from error
     address = Address("http" if bundle is None else "https", tuple(map(bracketed, hosts)), port)
-    run_command(lambda stop: _serve(stop, launch, name, address, listening, bundle, wheel))
+    run_command(lambda stop: _serve(stop, launch, name, address, listening, bundle, wheel, passport))
 
 
-def beside(launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool) -> Launch:
+def beside(
+    launch: Launch, name: str, port: int, *, is_open: bool, may_open: bool, drives: bool = False
+) -> Launch:
     """Return the same robot with the page of the station among its programs; the arguments are those of `run`.
 
     Raises:
         DeployError: as for `run`, except for the port, which the program itself opens.
     """
+    if drives:
+        wheel_of(launch)
     _hosts(launch, name, is_open=is_open, may_open=may_open)
     opening = ("--open", "--yes") if is_open else ()
     module, *options = launch.command("lifeline.cli.app")[2:]
@@ -89,9 +101,10 @@ def beside(launch: Launch, name: str, port: int, *, is_open: bool, may_open: boo
         "--port",
         str(port),
         *opening,
+        *(["--drive"] if drives else []),
         *options,
     )
-    return replace(launch, station=command)
+    return replace(launch, station=command, station_name=name, drives_on_page=drives)
 
 
 def _hosts(
@@ -157,6 +170,7 @@ async def _serve(
     listening: socket.socket,
     bundle: Bundle | None,
     wheel: SourceWheel | None,
+    passport: str,
 ) -> int:
     loop = asyncio.get_running_loop()
     printer = ThreadPoolExecutor(1)  # a terminal that accepts no output must not delay the lease
@@ -164,7 +178,7 @@ async def _serve(
     def report(sentence: str) -> None:
         printer.submit(say, sentence)
 
-    pairing, relay, painter = Pairing(), Relay(name, launch.bus.endpoint), painter_of(launch)
+    pairing, relay, painter = Pairing(), Relay(name, launch.bus.endpoint), painter_of(launch, passport)
     driving = None if wheel is None else Driving(wheel)
     application = Application(name, address, relay, pairing, report, painter, driving)
 

@@ -34,6 +34,8 @@ class Written(NamedTuple):
     """Of the record."""
     shows: str
     """What the measurement shows, in one sentence."""
+    configuration_sha256: str
+    """Of the robot's configuration when it was measured."""
 
 
 def report(file: Path, out: Path, keys: Path | None) -> Written:
@@ -56,7 +58,7 @@ def report(file: Path, out: Path, keys: Path | None) -> Written:
         replace_file(out, page(passport, inside, signer))
     except OSError as error:
         raise DeployError(f"cannot write {out}: {error.strerror}") from error
-    return Written(str(out), signer, digest(passport), sentence(passport))
+    return Written(str(out), signer, digest(passport), sentence(passport), passport.configuration_sha256)
 
 
 def check(file: Path, keys: Path) -> Written:
@@ -73,7 +75,7 @@ def check(file: Path, keys: Path) -> Written:
     text = _text(file, MAX_FILE_BYTES)
     passport, envelope = _parsed(file, text)
     who = _verified(passport, envelope, text, _authority(keys))
-    return Written(str(file), who, digest(passport), sentence(passport))
+    return Written(str(file), who, digest(passport), sentence(passport), passport.configuration_sha256)
 
 
 def _verified(passport: Passport, envelope: Envelope | None, text: str, authority: bytes) -> str:

@@ -10,6 +10,7 @@ import logging
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 
 from supervisor.base_record import BaseFile, BaseRecord
 from supervisor.blackbox.people import People
@@ -57,6 +58,18 @@ def black_box(config: SupervisorSection, law: LawConfig, people: People | None =
     return BlackBox(law, writer, window_s=config.black_box_s, lidar_topics=lidar_topics, people=people)
 
 
+def require_station(document: dict[str, Any], name: str) -> None:
+    """Add a required e-stop station to a configuration that does not name it; its values are checked later."""
+    section = document.setdefault("supervisor", {})
+    if not isinstance(section, dict):
+        return
+    stations = cast("dict[str, Any]", section).setdefault("estop_stations", [])
+    if isinstance(stations, list):
+        tables = [cast("dict[str, Any]", one) for one in cast("list[Any]", stations) if isinstance(one, dict)]
+        if name not in [table.get("name") for table in tables]:
+            cast("list[Any]", stations).append({"name": name})
+
+
 def main() -> None:
     parser = service_parser(
         "supervisor",
@@ -64,9 +77,16 @@ def main() -> None:
         "is the only writer of cmd_vel, and the Zenoh hub to which teleop and sim connect.",
         epilog="exit code: 0 after SIGTERM or Ctrl-C, 1 after an error, 2 for a wrong configuration",
     )
+    parser.add_argument(
+        "--estop-station",
+        metavar="NAME",
+        help="require the e-stop station of this name, unless the configuration names it",
+    )
     arguments = parser.parse_args()
     try:
         document = read_document(arguments)
+        if arguments.estop_station is not None:
+            require_station(document, arguments.estop_station)
         models: dict[str, type[Section]] = {"bus": BusSection, "supervisor": SupervisorSection}
         if "sim" in document:  # the base that this supervisor is configured for
             models["sim"] = BaseSection

@@ -75,6 +75,10 @@ class Launch:
     """What `lifeline up` starts, and what a running robot needs; the hub first."""
     station: tuple[str, ...] = ()
     """The command line of an e-stop station's page that runs beside the nodes; empty: none."""
+    station_name: str = ""
+    """Its name: the supervisor requires it, unless the configuration names it."""
+    drives_on_page: bool = False
+    """Whether this page drives, and not teleop."""
 
     @classmethod
     def read(
@@ -182,7 +186,7 @@ class Launch:
         by = pressed_by(state.path, self.bus.namespace)
         return (
             f"the e-stop is still latched from an earlier run{by and f' ({by})'}, and the robot does not move until it is reset: "
-            f"press r in teleop, or call the service {service}"
+            f"press {'Reset on the page' if self.drives_on_page else 'r in teleop'}, or call the service {service}"
         )
 
     def to_record(self) -> dict[str, object]:
@@ -213,6 +217,7 @@ class Launch:
             "LIFELINE_PYTHON": sys.executable,
             "LIFELINE_CONFIG": str(self.config),
             "LIFELINE_BUS_OPTIONS": shlex.join(bus_options(self.bus)),
+            "LIFELINE_SUPERVISOR_OPTIONS": f"--estop-station {self.station_name}" if self.station else "",
             "LIFELINE_SIM_OPTIONS": self.sim_options,
             "LIFELINE_ROS2_COMMAND": ros2,
             "LIFELINE_STATION_COMMAND": shlex.join(self.station) or UNUSED,

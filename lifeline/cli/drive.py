@@ -73,7 +73,15 @@ def up(
     station: Annotated[
         bool,
         typer.Option(
-            "--station", help="Also serve the page of the e-stop station phone, as `lifeline station` does."
+            "--station",
+            help="Also serve the page of the e-stop station phone, as `lifeline station` does. If the configuration does not name "
+            "this station, it is required: the robot moves only while the page is open.",
+        ),
+    ] = False,
+    drive: Annotated[
+        bool,
+        typer.Option(
+            "--drive", help="With --station: drive on the page instead of in teleop. Enter prints a new code."
         ),
     ] = False,
     port: Port = PORT,
@@ -89,8 +97,9 @@ def up(
 ) -> int:
     """Start the robot, open teleop in this terminal, and stop everything when teleop ends.
 
-    The robot is supervisor and sim, or supervisor and ros2 if the configuration has a section ros2.
+    With --station --drive, the page drives, and everything stops at Ctrl-C. The robot is supervisor and sim, or supervisor and ros2 if the configuration has a section ros2.
     """
+    from deploy.stack.errors import DeployError
     from deploy.stack.launch import Launch
     from deploy.stack.statedir import StateDir
     from deploy.up import up
@@ -102,11 +111,13 @@ def up(
     progress = note if as_json else say
     detach = detach or bool(only)
     if not station:
+        if drive:
+            raise DeployError("--drive lets the page of a station drive: add --station")
         return up(StateDir.choose(state_dir), launch, progress, detach=detach, as_json=as_json)
     require("station")
     from lifeline.station import beside, print_code
 
-    launch = beside(launch, "phone", port, is_open=is_open, may_open=yes)
+    launch = beside(launch, "phone", port, is_open=is_open, may_open=yes, drives=drive)
     return up(
         StateDir.choose(state_dir),
         launch,
@@ -176,6 +187,18 @@ def station(
             help="Let one page drive the robot, as the command source of teleop, which must not run.",
         ),
     ] = False,
+    passport: Annotated[
+        Path | None,
+        option(
+            "--passport",
+            "FILE",
+            "Show the first sentence of this signed passport of the robot's configuration.",
+        ),
+    ] = None,
+    authority: Annotated[
+        Path | None,
+        option("--authority", "PEM", "Certificate of the authority of --passport. Default: that of --keys."),
+    ] = None,
     new_code: Annotated[
         bool, typer.Option("--new-code", help="Only print a new code of the page of `lifeline up --station`.")
     ] = False,
@@ -192,7 +215,12 @@ def station(
 
         print_code(new_station_address(robot.state))
         return
-    run(robot.launch, name, port, is_open=is_open, may_open=yes, drives=drive)
+    shown = ""
+    if passport is not None:
+        from lifeline.own_passport import sentence_of
+
+        shown = sentence_of(robot.launch, passport, authority)
+    run(robot.launch, name, port, is_open=is_open, may_open=yes, drives=drive, passport=shown)
 
 
 @command(app)

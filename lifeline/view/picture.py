@@ -193,7 +193,9 @@ class Picture:
             "mode": self._mode,
             "why": why.replace("WHO", printable(status.owner) or "the command source")
             or printable(", ".join(names)),
-            "step": step.replace("NEUTRAL", "the driver requests zero"),
+            "step": step.replace("NEUTRAL", "the driver requests zero")
+            .replace("then r to reset", "then resets")
+            .replace("then r if", "then resets if"),
             "owner": printable(status.owner),
             "nearest": nearest_in_words(status, "°"),
         }

@@ -66,6 +66,7 @@ function lose() {
 function onMessage(message) {
   if (message.kind === "robot") {
     robot = message;
+    write("passport", [robot.passport]);
     return;
   }
   const own = socket;
@@ -179,6 +180,8 @@ function drawChart(pen, velocity, left, top, width, height, ink) {
   while (now_s - chart[0][0] > CHART_S) chart.shift();
   const middle = top + height / 2;
   const up = (height / 2 - 6) / robot.most[0];
+  pen.fillStyle = ink.ground; // over what of the map is there
+  pen.fillRect(left, top, width, height);
   pen.strokeStyle = ink.line;
   pen.lineWidth = 0.5;
   pen.strokeRect(left, middle, width, 0);

@@ -3,7 +3,7 @@
 import asyncio
 import json
 import re
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Sequence
 from contextlib import asynccontextmanager, suppress
 from itertools import count
 from pathlib import Path
@@ -30,10 +30,12 @@ class Server(Operator):
     """`lifeline station --name phone` at a free port."""
 
     def __init__(self, endpoint: str, config: Path, *more: str) -> None:
+        self._serve("station", "--name", "phone", "--endpoint", endpoint, "--config", str(config), *more)
+
+    def _serve(self, *command: str) -> None:
         self.port = free_endpoint().rpartition(":")[2]
         self.origin = f"http://127.0.0.1:{self.port}"
-        options = ("--name", "phone", "--port", self.port, "--endpoint", endpoint, "--config", str(config))
-        super().__init__(LIFELINE, "station", *options, *more)
+        super().__init__(LIFELINE, *command, "--port", self.port)
 
     async def address(self, number: int = 1) -> str:
         """Return the page's address with the code that was printed as the first, second, …."""
@@ -84,6 +86,14 @@ class Server(Operator):
         )
 
 
+class Beside(Server):
+    """`lifeline up --station --drive` with the default configuration, at a free port."""
+
+    def __init__(self, endpoint: str, state: Path) -> None:
+        options = ("--no-viewer", "--endpoint", endpoint, "--state-dir", str(state))
+        self._serve("up", "--station", "--drive", *options)
+
+
 class Page:
     """Holds the lease like the page in JavaScript."""
 
@@ -127,12 +137,16 @@ class Page:
 
 @asynccontextmanager
 async def served(
-    tmp_path: Path, *nodes: str, teleop: bool = False, drives: bool = False
+    tmp_path: Path,
+    *nodes: str,
+    teleop: bool = False,
+    drives: bool = False,
+    options: Sequence[str] = (),
 ) -> AsyncGenerator[tuple[Robot, Server]]:
     """A robot with the required station `phone`, by default only its supervisor, and the server of its page."""
     config = config_with(tmp_path, phone=True)
     async with robot(tmp_path, *(nodes or (topics.SUPERVISOR,)), teleop=teleop, config=config) as subject:
-        server = Server(subject.endpoint, config, *(["--drive"] if drives else []))
+        server = Server(subject.endpoint, config, *(["--drive"] if drives else []), *options)
         try:
             await server.address()
             yield subject, server

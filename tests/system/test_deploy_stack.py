@@ -194,6 +194,22 @@ def test_a_station_beside_the_nodes_opens_to_the_network_only_as_the_command_sta
     assert robot.pids() == {}
 
 
+def test_a_page_beside_the_nodes_that_cannot_drive_starts_nothing(robot: Robot, tmp_path: Path) -> None:
+    _refused(
+        robot.run("up", "--detach", "--drive"), "--drive lets the page of a station drive: add --station"
+    )
+    _refused(
+        robot.run("up", "--station", "--drive"), "a new code for the page needs a terminal: add --detach"
+    )
+    config = tmp_path / "robot.toml"
+    config.write_text(DEFAULT_CONFIG.read_text().replace('source = "teleop"', 'source = "guest"'))
+    drives = ("--detach", "--station", "--drive", "--config", str(config))
+    _refused(
+        robot.run("up", *drives), r"--drive: \[teleop\] source = 'guest' is not in \[supervisor\] sources"
+    )
+    assert robot.pids() == {}
+
+
 @pytest.mark.timed
 def test_a_killed_supervisor_of_a_real_robot_is_restarted_immediately(robot: Robot) -> None:
     """Without a sim, no log line wakes supervisord from its sleep of a second: only the plug-in does."""

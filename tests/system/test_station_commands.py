@@ -2,6 +2,8 @@
 
 import asyncio
 import json
+import signal
+import tempfile
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
@@ -10,9 +12,11 @@ import pytest
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from deploy.stack import processes
 from tests.system.harness import PATIENCE_S, Robot, patiently
 from tests.system.operators import until
-from tests.system.pages import Page, Server, served
+from tests.system.pages import Beside, Page, Server, served
+from tests.system.ports import free_endpoint
 from tests.system.test_estop_stations import ESTOP, LOST
 from tests.system.test_station_picture import closing_code
 from wire import topics
@@ -230,3 +234,28 @@ async def test_a_page_does_not_drive_beside_a_teleop_and_says_who_drives(tmp_pat
             assert await closing_code(commands) == HELD
             assert commands.close_reason is not None
             assert commands.close_reason.startswith("The robot is driven by the teleop of")
+
+
+async def test_beside_a_robot_whose_configuration_names_no_station_a_page_drives_and_ctrl_c_stops_everything() -> (
+    None
+):
+    # pytest's own directory has too long a path for a socket on some machines.
+    with tempfile.TemporaryDirectory(prefix="lifeline-test-") as directory:
+        state = Path(directory)
+        subject = Robot(free_endpoint(), state)
+        server = Beside(subject.endpoint, state)
+        try:
+            await server.address()
+            await subject.observe()
+            async with server.heard_page(subject) as page, hands(server, page) as one:
+                assert [station.required for station in subject.status.estop_stations] == [True]
+                await drives(subject, one)
+            await stands(subject)
+            await subject.until(lambda: LOST in subject.status.causes, "the loss of the page")
+            server.type(b"\x03")
+            await until(lambda: server.process.poll() is not None)
+            assert server.process.returncode == 128 + signal.SIGINT
+            assert processes.of(state) == []
+        finally:
+            server.close()
+            await subject.close()

@@ -150,7 +150,7 @@ async def touches(tab: Tab, kind: str, *places: tuple[float, float]) -> None:
 async def test_two_thumbs_drive_and_a_third_finger_stops(tmp_path: Path) -> None:
     async with wheel(tmp_path) as (subject, _, _, tab):
         await tab.do("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=5)
-        await tab.waits_for("getComputedStyle(document.getElementById('enable')).visibility === 'visible'")
+        await tab.waits_for("document.getElementById('enable').offsetWidth > 0")
 
         async def hold() -> None:
             with suppress(AssertionError):  # nothing touches

@@ -2,7 +2,7 @@
 
 import asyncio
 import json
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,11 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from tests.system.browser import Browser, Tab, browser, needs_chromium
 from tests.system.harness import PATIENCE_S, Robot
 from tests.system.pages import Server, served
-from tests.system.test_estop_stations import ESTOP, drive, heard
+from tests.system.test_estop_stations import ESTOP, config_with, drive, heard
+from tests.unit.lifeline.test_own_passport import passport_of
+from tests.unit.passport.test_reading import bundle
 from wire import topics
+from wire.bundle import AUTHORITY
 
 pytestmark = pytest.mark.timeout(180)
 
@@ -26,11 +29,14 @@ FACTS = "document.getElementById('facts').textContent"
 
 @asynccontextmanager
 async def watched(
-    tmp_path: Path, *, teleop: bool = True, drives: bool = False
+    tmp_path: Path, *, teleop: bool = True, drives: bool = False, options: Sequence[str] = ()
 ) -> AsyncGenerator[tuple[Robot, Server, Browser, Tab]]:
     """A robot in its warehouse, and a browser whose page shows it."""
     async with (
-        served(tmp_path, topics.SUPERVISOR, topics.SIM, teleop=teleop, drives=drives) as (subject, server),
+        served(tmp_path, topics.SUPERVISOR, topics.SIM, teleop=teleop, drives=drives, options=options) as (
+            subject,
+            server,
+        ),
         browser(tmp_path / "profile") as chromium,
     ):
         tab = await chromium.open(await server.new_address())
@@ -64,6 +70,18 @@ async def test_a_picture_that_gets_old_is_hidden(tmp_path: Path) -> None:
         server.process.kill()
         await tab.waits_for("document.body.dataset.picture === 'false'")
         await tab.shows("NOT HEARD", "No connection to the station's program.")
+
+
+@needs_chromium
+@pytest.mark.timed  # Chromium uses the whole machine
+async def test_a_page_shows_the_sentence_of_the_passport_of_its_robot(tmp_path: Path) -> None:
+    keys = bundle(tmp_path / "keys")
+    passport = passport_of(config_with(tmp_path, phone=True), keys)
+    options = ("--passport", str(passport), "--authority", str(keys / AUTHORITY))
+    async with watched(tmp_path, teleop=False, options=options) as (_, _, _, tab):
+        await tab.waits_for(
+            "document.getElementById('passport').innerText.startsWith('After the one fault tested')"
+        )
 
 
 # --- without a browser

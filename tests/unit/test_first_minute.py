@@ -69,7 +69,7 @@ def test_make_run_installs_what_driving_needs_with_one_line_for_each_step_and_re
     ]
     (call,) = calls(clone)
     assert {"--locked", "--no-dev", "--inexact"} <= set(call.split())
-    assert re.findall(r"--extra (\w+)", call) == ["sim", "gamepad"]
+    assert re.findall(r"--extra (\w+)", call) == ["sim", "gamepad", "station"]
 
 
 def test_make_run_installs_once_and_uses_the_whole_environment_if_it_exists(clone: Path) -> None:
@@ -96,7 +96,10 @@ def test_without_a_network_make_run_says_what_is_missing_and_installs_at_the_nex
 
 @pytest.mark.parametrize(
     ("what", "extras", "groups"),
-    [("what driving needs", ["sim", "gamepad"], []), ("everything, also for the tests", None, ["dev"])],
+    [
+        ("what driving needs", ["sim", "gamepad", "station"], []),
+        ("everything, also for the tests", None, ["dev"]),
+    ],
 )
 def test_make_fetches_at_most_as_much_as_it_announces(
     what: str, extras: list[str] | None, groups: list[str]

@@ -1,5 +1,6 @@
 """`lifeline up --detach`: what it says of the robot that runs in the background."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -52,6 +53,13 @@ def test_teleop_is_named_only_if_it_has_a_bundle_of_the_role_operator(tmp_path: 
     assert "drive with `" not in said(tmp_path, bundles / "my_base")
     bundle_of(keys, Role.OPERATOR)
     assert "drive with `" in said(tmp_path, bundles)
+
+
+def test_a_page_that_drives_is_named_instead_of_teleop(tmp_path: Path) -> None:
+    launch = replace(Launch.read(None, None), drives_on_page=True)
+    text = "\n".join(hints(StateDir(tmp_path), launch))
+    assert "drive on the page; `lifeline station --new-code" in text
+    assert "teleop" not in text
 
 
 def test_the_address_for_other_programs_is_named_in_plain_words(tmp_path: Path) -> None:

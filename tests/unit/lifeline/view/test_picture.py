@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -120,6 +121,12 @@ def test_a_stop_is_in_words_with_what_to_do(page: Page) -> None:
     assert "NEUTRAL" not in shown["step"]
     assert shown["step"]
     assert shown["events"][0][2] == "ERROR"
+
+
+def test_a_reset_is_named_without_the_key_of_teleop(page: Page) -> None:
+    for reason in ("ESTOP", "ESTOP_STATION_LOST"):
+        page.hear("supervisor/status", status(SafetyStatus.STOPPED, reasons=[reason], causes=[reason]))
+        assert re.search(r"the driver requests zero, then resets( if still stopped)?$", page.shows()["step"])
 
 
 def test_the_way_of_a_stop_is_shown_beside_its_ghost_when_the_robot_stands(page: Page) -> None:

@@ -1,0 +1,43 @@
+"""Draws docs/images/page.png: `python -m docs.generate.draw_page`.
+
+The picture is a real one: supervisor, simulator and the page's server run, and the page of a browser drives the robot.
+It needs Debian's package chromium.
+"""
+
+import asyncio
+import base64
+import io
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+from tests.system.test_station_drive import drives, key, wheel
+
+IMAGE = Path(__file__).parents[1] / "images" / "page.png"
+WIDTH_PX, HEIGHT_PX = 1000, 640
+"""Of a tablet that is held across."""
+WAY_M = 1.0
+"""The picture is taken after this way."""
+
+
+async def _draw(directory: Path) -> None:
+    async with wheel(directory) as (robot, _, _, tab):
+        await tab.do(
+            "Emulation.setDeviceMetricsOverride",
+            width=WIDTH_PX,
+            height=HEIGHT_PX,
+            deviceScaleFactor=1,
+            mobile=True,
+        )
+        await drives(robot, tab, lambda: key(tab, "KeyW", down=True))
+        began_m = robot.x_m
+        await robot.until(lambda: abs(robot.x_m - began_m) > WAY_M, "its way")
+        shot = await tab.do("Page.captureScreenshot", format="png")
+        picture = Image.open(io.BytesIO(base64.b64decode(shot["data"])))
+        picture.convert("RGB").save(IMAGE, optimize=True)
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as name:
+        asyncio.run(_draw(Path(name)))
