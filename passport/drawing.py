@@ -1,5 +1,6 @@
 """SVG pictures of runs for the page, whose style sheet gives the colours. Pure."""
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from html import escape
 
@@ -24,7 +25,7 @@ def stops_over_speed(found: Sequence[Row], title: str, value: Value) -> str:
         value: gives it for a run; None: the run does not show it.
     """
     points = [
-        (run.v0_m_s, shown, row.cell.name)
+        (run.v0_m_s, shown, row.cell)
         for row in found
         for run in row.cell.runs
         if (shown := value(run)) is not None
@@ -33,8 +34,8 @@ def stops_over_speed(found: Sequence[Row], title: str, value: Value) -> str:
     most_y = ROOM * max((y for _, y, _ in points), default=1.0) or 1.0
     plot = _Plot(LEFT_PX, TOP_PX, WIDTH_PX, HEIGHT_PX, (0.0, most_x), (0.0, most_y))
     marks = [
-        f'<circle class="run" cx="{plot.x(x):.1f}" cy="{plot.y(y):.1f}" r="3"><title>{escape(fault)}</title></circle>'
-        for x, y, fault in points
+        f'<circle class="{"run" if cell.with_lifeline else "without"}" cx="{plot.x(x):.1f}" cy="{plot.y(y):.1f}" r="3"><title>{escape(cell.name)}</title></circle>'
+        for x, y, cell in points
     ]
     worst = [(0.0, 0.0)]
     for row in found:
@@ -96,16 +97,25 @@ class _Plot:
         return f'<path class="{kind}" d="M{path}"/>' if path else ""
 
     def axes(self, title: str, below: str) -> list[str]:
-        """Draw the axes from zero, with half and the whole of each."""
+        """Draw the axes from zero, with round numbers."""
         parts = [self.frame(), f'<text x="{self.left}" y="{self.top - 8}">{escape(title)}</text>']
-        for share in (0.0, 0.5, 1.0):
-            x, y = (low + share * (high - low) / ROOM for low, high in (self._xs, self._ys))
-            parts += [
-                f'<text class="tick" x="{self.x(x):.1f}" y="{self.top + self.height + 14}">{x:.2g}</text>',
-                f'<text class="name" x="{self.left - 4}" y="{self.y(y) + 4:.1f}">{y:.2g}</text>',
-            ]
+        parts += [
+            f'<text class="tick" x="{self.x(x):.1f}" y="{self.top + self.height + 14}">{x:g}</text>'
+            for x in round_numbers(self._xs[1])
+        ]
+        parts += [
+            f'<text class="name" x="{self.left - 4}" y="{self.y(y) + 4:.1f}">{y:g}</text>'
+            for y in round_numbers(self._ys[1])
+        ]
         middle = self.left + self.width / 2
         return [*parts, f'<text class="tick" x="{middle}" y="{self.top + self.height + 29}">{below}</text>']
+
+
+def round_numbers(most: float) -> list[float]:
+    """Return the numbers from 0 to `most` in steps of 1, 2 or 5 times a power of ten; at least three and at most six."""
+    power = 10.0 ** math.floor(math.log10(most))
+    step = next(one * power for one in (0.2, 0.5, 1.0, 2.0) if most / (one * power) < 6.0)
+    return [round(number * step, 12) for number in range(int(most / step) + 1)]
 
 
 def _picture(size: tuple[float, float], title: str, parts: Iterable[str]) -> str:

@@ -8,12 +8,13 @@ from passport.drawing import speed_over_time, stops_over_speed
 from passport.record import Cell, Instrument, Passport, Run, way_in_words
 from passport.statement import digest
 from passport.statistics import Limit, rounded_up
-from passport.summary import Row, not_shown, rows, sentence
+from passport.summary import Row, failures, not_shown, rows, sentence
 
 BEGIN, END = '<script type="application/json" id="passport">', "</script>"
 """Around the record, or its signed envelope, in the page."""
 STYLE = """<style>.first{font-size:1.5rem;line-height:1.35;max-width:44rem}.pair{display:flex;flex-wrap:wrap;gap:1rem}
-.run{fill:var(--blue)}.curve{stroke:var(--soft);fill:none;stroke-dasharray:4 3}.odom{stroke:var(--amber);fill:none;stroke-width:2}
+th,td{padding:.2rem .4rem}.g{border-left:1px solid var(--rule)}th.g[colspan]{text-align:left}
+.run{fill:var(--blue)}.without{fill:none;stroke:var(--amber)}.curve{stroke:var(--soft);fill:none;stroke-dasharray:4 3}.odom{stroke:var(--amber);fill:none;stroke-width:2}
 .runs{display:grid;grid-template-columns:repeat(auto-fill,minmax(15rem,1fr));gap:.5rem}.runs figure{margin:0}
 @media print{body{font-size:10pt}h1{font-size:1.5rem}.first{font-size:1.3rem}h2.new{break-before:page}h3{break-after:avoid}.pair{flex-wrap:nowrap;gap:0}.pair svg{width:50%}}</style>"""
 
@@ -27,10 +28,9 @@ def page(passport: Passport, inside: str, signer: str | None) -> str:
         signer: who signed; None: nobody.
     """
     found = rows(passport)
-    stopped = not any(row.not_stopped for row in found)
     parts = [
         STYLE,
-        f'<p class="first {"" if stopped else "bad"}">{escape(sentence(passport))}</p>',
+        f'<p class="first {"bad" if failures(passport) else ""}">{escape(sentence(passport)).replace(" %", "&nbsp;%")}</p>',
         '<p class="soft">Measured, not certified. What the sentence does not cover is listed below.</p>',
         *_table(found),
         *_curves(found),
@@ -51,30 +51,57 @@ def inside_of(text: str) -> str | None:
     return inside if begin and end and before.startswith("<!doctype html>") else None
 
 
+COLUMNS = '<th class="g">n</th><th>reaction<br>[s]</th><th>to stand-<br>still [s]</th><th>distance<br>[m]</th><th>least decel-<br>eration [m/s²]</th>'
+WIDTH = 5
+"""Number of these columns."""
+
+
 def _table(found: Sequence[Row]) -> Iterator[str]:
-    yield (
-        '<div class="wide"><table><thead><tr><th class="l">fault</th><th>speed<br>[m/s]</th><th>load<br>[%]</th><th>n</th>'
-        "<th>reaction<br>[s]</th><th>to standstill<br>[s]</th><th>distance<br>[m]</th><th>least deceleration<br>[m/s²]</th>"
-        "<th>runs<br>with slip</th></tr></thead><tbody>"
-    )
+    """Yield one row for each fault, speed and load, with Lifeline and, where it was measured, without it beside."""
+    groups = [each for each in (True, False) if any(row.cell.with_lifeline == each for row in found)]
+    alike: dict[tuple[str, float, int], dict[bool, Row]] = {}
     for row in found:
         cell = row.cell
-        yield f'<tr><td class="l">{escape(cell.name)}</td><td>{cell.speed if cell.turn else f"{cell.speed_m_s:g}"}</td><td>{cell.load_percent}</td><td>{row.runs}</td>'
-        if not row.runs:
-            yield '<td class="l soft" colspan="5">not measured</td></tr>'
-            continue
-        if row.not_stopped:
-            yield f'<td class="l bad" colspan="5">did not stop in {row.not_stopped} of {row.runs} runs</td></tr>'
-            continue
-        least = "" if row.least_m_s2 is None else f"{row.least_m_s2:.2f}"
-        yield _limit(row.reaction_s) + _limit(row.stopping_s)
-        yield _limit(row.distance_m, " rad" if cell.turn else "")
-        yield f"<td>{least}{' rad/s²' if cell.turn and least else ''}</td><td>{row.slips or ''}</td></tr>"
+        alike.setdefault((cell.fault, cell.speed_m_s, cell.load_percent), {})[cell.with_lifeline] = row
+    heads = [
+        f'<th class="g" colspan="{WIDTH}">{"with" if each else "without"} Lifeline</th>' for each in groups
+    ]
+    yield (
+        f'<div class="wide"><table><thead><tr><th colspan="3"></th>{"".join(heads)}</tr>'
+        f'<tr><th class="l">fault</th><th>speed<br>[m/s]</th><th>load<br>[%]</th>{COLUMNS * len(groups)}</tr></thead><tbody>'
+    )
+    for pair in alike.values():
+        cell = next(iter(pair.values())).cell
+        speed = cell.speed if cell.turn else f"{cell.speed_m_s:g}"
+        yield f'<tr><td class="l">{escape(cell.fault)}</td><td>{speed}</td><td>{cell.load_percent}</td>'
+        yield from (_quantities(pair.get(each)) for each in groups)
+        yield "</tr>"
     yield (
         "</tbody></table></div>"
         '<p class="soft">Limits include the uncertainty of the instrument and are rounded up. A bold limit covers 95 % of all stops, with 95 % confidence for '
         "all cells of the sentence together, each quantity by itself; any other is the largest of the n runs, and says nothing about further "
         "ones. – : not every run shows it, such as after a fault that takes the recorder with it.</p>"
+    )
+    slips = [
+        f"{row.slips} of {row.runs} runs of {row.cell.name} at {row.cell.speed}" for row in found if row.slips
+    ]
+    if slips:
+        yield f'<p class="bad">The wheels slipped in {escape(", ".join(slips))}.</p>'
+
+
+def _quantities(row: Row | None) -> str:
+    """Return the columns of one row."""
+    if row is None or not row.runs:
+        return f'<td class="l g soft" colspan="{WIDTH}">{"" if row is None else "not measured"}</td>'
+    if row.not_stopped:
+        return (
+            f'<td class="l g bad" colspan="{WIDTH}">did not stop in {row.not_stopped} of {row.runs} runs</td>'
+        )
+    unit, unit_of_least = (" rad", " rad/s²") if row.cell.turn else ("", "")
+    least = "–" if row.least_m_s2 is None else f"{row.least_m_s2:.2f}{unit_of_least}"
+    return (
+        f'<td class="g">{row.runs}</td>{_limit(row.reaction_s)}{_limit(row.stopping_s)}{_limit(row.distance_m, unit)}'
+        f"<td>{least}</td>"
     )
 
 
@@ -91,7 +118,12 @@ def _curves(found: Sequence[Row]) -> Iterator[str]:
         yield '<div class="pair">'
         yield stops_over_speed(measured, "distance [m]", lambda run: run.distance_m)
         yield stops_over_speed(measured, "time to standstill [s]", lambda run: run.t3_s)
-        yield '</div><p class="soft">Each point is one run; runs of plain zeros are joined by the worst of each speed.</p>'
+        rings = (
+            ""
+            if all(row.cell.with_lifeline for row in measured)
+            else " with Lifeline, each ring one without it"
+        )
+        yield f'</div><p class="soft">Each point is one run{rings}; runs of plain zeros are joined by the worst of each speed.</p>'
 
 
 def _conditions(passport: Passport, signer: str | None) -> Iterator[str]:

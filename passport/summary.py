@@ -66,15 +66,21 @@ def _spoken_of(passport: Passport) -> list[Cell]:
     return [cell for cell in alike if cell.speed_m_s == fastest_m_s]
 
 
+def failures(passport: Passport) -> list[Row]:
+    """Return the rows with a run without a stop; those without Lifeline only if nothing was measured with it."""
+    spoken = _spoken_of(passport)
+    return [
+        row for row in rows(passport) if row.not_stopped and row.cell.with_lifeline == spoken[0].with_lifeline
+    ]
+
+
 def sentence(passport: Passport) -> str:
     """Return the result of the measurement in one sentence; it names each cell with a run without a stop, slower cells and turns included."""
-    spoken, measured = _spoken_of(passport), rows(passport)
-    found = [row for row in measured if row.cell in spoken]
+    spoken = _spoken_of(passport)
+    found = [row for row in rows(passport) if row.cell in spoken]
     if not found:
         return "Nothing was measured."
-    alike = [row for row in measured if row.cell.with_lifeline == spoken[0].with_lifeline]
-    failed = [row for row in alike if row.not_stopped]
-    if failed:
+    if failed := failures(passport):
         each = ", ".join(
             f"{row.cell.fault} at {row.cell.speed} with {row.cell.load_percent} % load ({row.not_stopped} of {row.runs} runs)"
             for row in failed
@@ -120,7 +126,7 @@ def _proof(limits: Sequence[Limit]) -> str:
     counts = [one.runs for one in limits if not one.proven]
     fewest, most = min(counts), max(counts)
     if len(counts) < len(limits):
-        return f"not 95/95 for all cells, some limits are the largest of {_runs(fewest)}"
+        return f"some limits are only the largest of {_runs(fewest)}"
     if most == 1:
         return "one run each"
     return f"the largest of {'at least ' if fewest < most else ''}{_runs(fewest)} each"

@@ -19,7 +19,7 @@ IMAGE = sections.ROOT / "docs/images/passport.png"
 README = sections.ROOT / "README.md"
 SECOND_SHEET = '<h2 class="new">'
 """Begins it, in the page."""
-WIDTH_PX, HEIGHT_PX = 930, 2000
+WIDTH_PX, HEIGHT_PX = 1200, 2000
 """Of the window."""
 SCALE, MARGIN_PX = 2, 32
 """Of the picture."""

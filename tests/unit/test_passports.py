@@ -31,7 +31,9 @@ def test_each_number_in_the_readmes_sentence_about_a_passport_is_that_of_the_rec
     """Computed here from the runs: the limits of cells with few runs are their largest values."""
     record, _ = read(DEMO)
     top_m_s = record.conditions.top_speed_m_s
-    cells = [cell for cell in record.cells if cell.speed_m_s == top_m_s and not cell.turn]
+    cells = [
+        cell for cell in record.cells if cell.with_lifeline and cell.speed_m_s == top_m_s and not cell.turn
+    ]
     timed = [cell for cell in cells if all(run.t3_s is not None for run in cell.runs)]
     moved_m = max(run.distance_m or math.nan for cell in cells for run in cell.runs)
     lasted_s = max(run.t3_s or math.nan for cell in timed for run in cell.runs)

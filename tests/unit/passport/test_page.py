@@ -5,6 +5,7 @@ import re
 
 import pytest
 
+from passport.drawing import round_numbers
 from passport.page import inside_of, page
 from passport.record import Passport, from_json
 from passport.statement import digest, record_in, statement_of
@@ -68,6 +69,21 @@ def test_each_cell_is_a_row_and_each_run_has_a_picture() -> None:
     assert "time unknown" in text
 
 
+def test_a_cell_without_lifeline_stands_beside_that_with_lifeline() -> None:
+    alone = cell("e-stop", run(0.4, stop_s=0.9), with_lifeline=False)
+    text = shown(record(cell("plain zero", run()), cell("e-stop", run(0.2)), alone))
+    rows = re.findall(r'<tr><td class="l">([^<]*)</td>', text)
+    assert rows == ["plain zero", "e-stop"]
+    assert "with Lifeline</th>" in text
+    e_stop = text.partition('<td class="l">e-stop')[2].partition("</tr>")[0]
+    assert re.findall(r"<td>(0\.[24]\d)</td>", e_stop) == ["0.21", "0.41"]
+    assert text.count('<circle class="run"') == text.count('<circle class="without"') * 2
+    assert "each ring one without it" in text
+    only = shown(record(alone))
+    assert '<th class="g" colspan="5">with Lifeline</th>' not in only
+    assert "without Lifeline</th>" in only
+
+
 def test_only_a_limit_that_is_proven_is_bold() -> None:
     proven = shown(record(cell("plain zero", *[run()] * 59)))
     assert "<td><b>0.31</b></td>" in proven
@@ -108,6 +124,7 @@ def test_a_slip_and_a_missing_condition_are_named() -> None:
     )
     text = shown(bare)
     assert ", slip</figcaption>" in text
+    assert "The wheels slipped in 1 of 1 runs of plain zero at" in text
     assert "not stated" in text
     assert "commit unknown" in text
     assert "<li>A key was pressed</li>" in text
@@ -117,6 +134,19 @@ def test_a_page_without_runs_has_no_curves() -> None:
     text = shown(record(cell("e-stop", refused="the wall is too near")))
     assert "<svg" not in text
     assert "Nothing was measured." in text
+
+
+@pytest.mark.parametrize(
+    ("most", "numbers"),
+    [
+        (0.65, [0.0, 0.2, 0.4, 0.6]),
+        (1.0, [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]),
+        (9.9, [0.0, 2.0, 4.0, 6.0, 8.0]),
+        (0.0011, [0.0, 0.0002, 0.0004, 0.0006, 0.0008, 0.001]),
+    ],
+)
+def test_an_axis_has_round_numbers(most: float, numbers: list[float]) -> None:
+    assert round_numbers(most) == numbers
 
 
 def test_curves_without_a_time_are_empty() -> None:
