@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -258,6 +258,10 @@ def _conduct(terminal: "pexpect.spawn[str]") -> None:
     except pexpect.TIMEOUT as error:
         raise DeployError(f"nothing was asked or shown for a minute: {terminal.before}") from error
     finally:
+        if terminal.isalive():  # its end stops the robot, and starts what it has stopped
+            terminal.sendintr()
+            with suppress(pexpect.TIMEOUT):
+                terminal.expect(pexpect.EOF, timeout=PATIENCE_S)
         terminal.close(force=True)
     if terminal.exitstatus != os.EX_OK:
         raise DeployError((terminal.before or "").strip())
