@@ -1,6 +1,16 @@
 """Update the generated parts of README.md and docs/*.md: `python -m docs.generate`; tests/unit/test_docs.py compares them."""
 
-from docs.generate import access, benches, commands, crash_safety, lab, readme, safety_law, sections
+from docs.generate import (
+    access,
+    benches,
+    commands,
+    crash_safety,
+    fresh_runs,
+    lab,
+    readme,
+    safety_law,
+    sections,
+)
 
 DOCUMENTS: dict[str, sections.Parts] = {
     "README.md": readme.PARTS,
@@ -11,6 +21,7 @@ DOCUMENTS: dict[str, sections.Parts] = {
     "docs/fleet.md": benches.FLEET_PARTS,
     "docs/lab.md": lab.PARTS,
     "docs/link.md": benches.LINK_PARTS,
+    "docs/passport.md": fresh_runs.PARTS,
     "docs/safety-law.md": safety_law.PARTS,
 }
 

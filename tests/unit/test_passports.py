@@ -1,5 +1,6 @@
 """The passports that are stored in docs/passports, and the sentence of README.md about one of them."""
 
+import json
 import math
 import re
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from docs.generate import readme
+from docs.generate import fresh_runs, readme
 from docs.generate.passports import DEMO, ROS2, certificate_of, page_of, read
 from lifeline.cli.app import app
 
@@ -48,3 +49,20 @@ def test_each_number_in_the_readmes_sentence_about_a_passport_is_that_of_the_rec
         math.ceil(100 * (lasted_s + record.instrument.uncertainty_s)) / 100,
         *([fewest] if fewest > 1 else []),
     ]
+
+
+def test_the_further_runs_that_exceed_a_limit_are_counted_and_few() -> None:
+    """Computed here from the runs: the limit of 117 runs for 11 cells together is their largest value."""
+    further = json.loads(fresh_runs.FILE.read_text())
+    record, _ = read(DEMO)
+    (cell,) = [
+        one
+        for one in record.cells
+        if (one.fault, one.speed_m_s) == (further["fault"], further["speed_m_s"]) and one.with_lifeline
+    ]
+    limit_m = max(run.distance_m or math.nan for run in cell.runs) + record.instrument.uncertainty_m
+    farther = further["not_stopped"] + sum(one > limit_m for one in further["distances_m"])
+    runs = further["not_stopped"] + len(further["distances_m"])
+    assert f"Of {runs} further runs, {farther} went farther" in fresh_runs.part()
+    assert runs == 300
+    assert farther <= 35
