@@ -130,7 +130,7 @@ class Person:
     """Compared by identity."""
     commands: Commands
     moved_s: float = -math.inf
-    """When the person last requested motion, or began to drive."""
+    """When the person last requested motion that was not refused, or began to drive."""
     ending: str = ""
     """How the turn ends, for the incidents; empty before it begins."""
 
@@ -183,9 +183,10 @@ class Driving:
         """Send the driver's command on, as `Commands.hear`; that of another person has no effect."""
         if self._driver is not person:
             return ""
-        if (wanted.linear, wanted.angular) != (0.0, 0.0):
+        problem = person.commands.hear(wanted, pictures, now_s)
+        if not problem and (wanted.linear, wanted.angular) != (0.0, 0.0):
             person.moved_s = now_s
-        return person.commands.hear(wanted, pictures, now_s)
+        return problem
 
     async def reset(self, person: Person) -> str:
         """Reset a latched e-stop for the driver; return the answer as a sentence."""

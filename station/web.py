@@ -284,7 +284,7 @@ class Application:
                     if problem != told:
                         told = problem
                         socket.show("told", messages.told(problem))
-                elif heard == "reset":
+                elif heard == "reset" and (resetting is None or resetting.done()):
                     resetting = asyncio.ensure_future(self._reset(socket, driving, person))
                 if ending := driving.ending(person, loop.time(), hands_over=heard == "hand_over"):
                     raise ClosingError(4410, ending)

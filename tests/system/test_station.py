@@ -23,6 +23,7 @@ from tests.system.namespaces import needs_namespaces
 from tests.system.operators import LIMIT_S, ROOT, Operator, until
 from tests.system.pages import URL, Page, Server, served
 from tests.system.test_estop_stations import ESTOP, LIFELINE, LOST, drive, heard, refused, state
+from wire import topics
 from wire.lease import LEASE_S
 from wire.roles import Role
 
@@ -281,6 +282,13 @@ async def test_a_page_with_several_connections_has_one_place_in_the_queue_and_on
                 for _ in range(3):
                     assert await refused(hello) == HAS_PLACE
                 assert page.view["driver"] == "Anna"
+                assert subject.bus is not None
+                for _ in range(50):
+                    await driving.send(json.dumps({"request": "reset"}))
+                report = ""
+                while "requested a reset" not in report:
+                    report = (await subject.bus.call(topics.source_holder("teleop"))).message
+                assert "Anna began to drive" in report, "a flood of requests is one request"
             finally:
                 sending.cancel()
 

@@ -200,6 +200,7 @@ async def test_a_hand_over_ends_the_permission_at_once_and_the_next_person_begin
 
 async def test_a_question_is_never_answered_by_itself_while_the_driver_drives() -> None:
     _, driving, anna, _ = await asked()
+    driving.hear(anna, ZERO_WANTED, None, 100.0)
     for second in range(1, 300):
         driving.hear(anna, MOTION, shown(100.0 + second), 100.0 + second)
         assert driving.ending(anna, 100.0 + second, hands_over=False) == ""
@@ -231,6 +232,15 @@ async def test_motion_begins_the_time_again_and_zero_does_not() -> None:
         False,
         "You asked Anna, who loses control after 30 s without motion.",
     )
+
+
+@pytest.mark.parametrize("pictures", [None, shown(0.0)])
+async def test_motion_that_is_refused_does_not_keep_the_wheel(pictures: Pictures | None) -> None:
+    _, driving, anna, _ = await asked()
+    driving.hear(anna, ZERO_WANTED, None, 100.0)
+    for second in range(1, int(IDLE_S) + 1):
+        assert driving.hear(anna, MOTION, pictures, 100.0 + second) != ""
+    assert driving.ending(anna, 100.5 + IDLE_S, hands_over=False) != ""
 
 
 async def test_the_driver_sees_who_asks_and_may_hand_over_only_to_a_person() -> None:
