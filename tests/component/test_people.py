@@ -165,7 +165,11 @@ async def test_a_page_that_asks_and_leaves_all_the_time_under_any_name_hides_not
 async def test_the_newest_acts_are_kept_of_a_report_that_is_too_long(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(wheel, "about_this_process", lambda _: "the station of " + "u" * 32 + "@" + "h" * 64)
+
+    def about(source: str) -> str:
+        return f"the {source} of {'u' * 32}@{'h' * 64}"
+
+    monkeypatch.setattr(wheel, "about_this_process", about)
     rig, writer = Rig(), WriterAtOnce(tmp_path)
     async with robot(rig, writer):
         station = Station(rig)
