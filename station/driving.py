@@ -42,8 +42,8 @@ class Wheel(Protocol):
         """End the run at once: the robot stops if it drives."""
         ...
 
-    def tell(self, act: str) -> None:
-        """Keep what a person did, for the incidents."""
+    def tell(self, page: object, act: str) -> None:
+        """Keep what a person at a page did, for the incidents; a page displaces only its own acts."""
         ...
 
 
@@ -126,9 +126,11 @@ class Person:
     """Who drives or asks to, at one page; compared by identity."""
 
     name: str
+    page: object
+    """Compared by identity."""
     commands: Commands
     moved_s: float = -math.inf
-    """When the person last requested motion, or began to drive."""
+    """When the person last requested motion that was not refused, or began to drive."""
     ending: str = ""
     """How the turn ends, for the incidents; empty before it begins."""
 
@@ -155,11 +157,15 @@ class Driving:
     def _asker(self) -> str:
         return self._people[1].name if len(self._people) > 1 else ""
 
-    def enter(self, name: str) -> Person:
-        """Let a person ask to drive; the caller ends this with `leave` in every case."""
-        person = Person(name, Commands(self._wheel))
+    def has(self, page: object) -> bool:
+        """Return whether a person at this page drives, or asks to: each page has one place in the queue."""
+        return any(person.page is page for person in self._people)
+
+    def enter(self, name: str, page: object) -> Person:
+        """Let a person ask to drive whose page has no place yet; the caller ends this with `leave` in every case."""
+        person = Person(name, page, Commands(self._wheel))
         if self._people:
-            self.tell(f"{name} asked to drive")
+            self.tell(page, f"{name} asked to drive")
         self._people.append(person)
         return person
 
@@ -170,22 +176,23 @@ class Driving:
         self._driver, person.moved_s = person, now_s
         if not (problem := await self._wheel.take()):
             person.ending = "ended driving"
-            self.tell(f"{person.name} began to drive")
+            self.tell(person.page, f"{person.name} began to drive")
         return problem
 
     def hear(self, person: Person, wanted: Wanted, pictures: Pictures | None, now_s: float) -> str:
         """Send the driver's command on, as `Commands.hear`; that of another person has no effect."""
         if self._driver is not person:
             return ""
-        if (wanted.linear, wanted.angular) != (0.0, 0.0):
+        problem = person.commands.hear(wanted, pictures, now_s)
+        if not problem and (wanted.linear, wanted.angular) != (0.0, 0.0):
             person.moved_s = now_s
-        return person.commands.hear(wanted, pictures, now_s)
+        return problem
 
     async def reset(self, person: Person) -> str:
         """Reset a latched e-stop for the driver; return the answer as a sentence."""
         if self._driver is not person:
             return "Only the driver resets."
-        self.tell(f"{person.name} requested a reset")
+        self.tell(person.page, f"{person.name} requested a reset")
         return await self._wheel.reset()
 
     def ending(self, person: Person, now_s: float, *, hands_over: bool) -> str:
@@ -219,4 +226,4 @@ class Driving:
             self._driver = None
             self._wheel.release()
             if person.ending:
-                self.tell(f"{person.name} {person.ending}")
+                self.tell(person.page, f"{person.name} {person.ending}")

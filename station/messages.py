@@ -22,6 +22,8 @@ MAX_SECRET = 64
 """Characters of a code or a token."""
 MAX_NAME = 24
 """Characters of a person's name; a websocket's closing reason with it has at most 123 bytes."""
+BLANK = re.compile(r"[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u2800\u3164\ufe00-\ufe0f\uffa0]")
+"""Characters that count as printable and show nothing: a name of them alone would name nobody."""
 MAX_NUMBER = (1 << 64) - 1
 MAX_TIME_S = 1e9
 """Of a page's clock, which begins when the page is loaded."""
@@ -70,7 +72,7 @@ def read_lease(text: str) -> EstopLease | str:
         case {"challenge": str(challenge), "response": str(response), "stop": bool(stop)} if len(fields) == 3:
             return EstopLease(_number(challenge), _number(response), stop=stop)
         case {"name": str(name)} if len(fields) == 1 and len(name) <= MAX_NAME:
-            return printable(name.strip())
+            return printable(BLANK.sub("", name).strip())
         case _:
             raise BadMessageError("not a lease")
 

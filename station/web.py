@@ -62,6 +62,7 @@ SILENT = ClosingError(4408, "The page was silent.")
 REPLACED = ClosingError(4409, "The page has a newer connection.")
 NO_DRIVING = ClosingError(4405, "This station does not drive: start it with --drive.")
 NO_NAME = ClosingError(4403, "Enter your name first.")
+HAS_PLACE = ClosingError(4411, "This page drives or asks already.")
 NO_PICTURE = ClosingError(4404, "This station shows no pictures.")
 TOO_MANY_PAGES = ClosingError(4429, "Too many pages of this station are open: close one.")
 
@@ -251,8 +252,10 @@ class Application:
             raise NO_DRIVING
         if not session.name:
             raise NO_NAME
+        if self._driving.has(session):
+            raise HAS_PLACE
         visitor.stay()
-        person = self._driving.enter(session.name)
+        person = self._driving.enter(session.name, session)
         writing = asyncio.ensure_future(socket.write())
         try:
             await self._follow(socket, session, self._driving, person)
@@ -281,7 +284,7 @@ class Application:
                     if problem != told:
                         told = problem
                         socket.show("told", messages.told(problem))
-                elif heard == "reset":
+                elif heard == "reset" and (resetting is None or resetting.done()):
                     resetting = asyncio.ensure_future(self._reset(socket, driving, person))
                 if ending := driving.ending(person, loop.time(), hands_over=heard == "hand_over"):
                     raise ClosingError(4410, ending)
@@ -330,7 +333,8 @@ class Application:
                 if not self._relay.hear(run, heard):
                     raise REPLACED
                 if self._driving is not None and run.is_pressed and not was_pressed:
-                    self._driving.tell(f"{session.name or 'a person without a name'} pressed the e-stop")
+                    name = session.name or "a person without a name"
+                    self._driving.tell(session, f"{name} pressed the e-stop")
             allowance.spend(loop.time())
 
 

@@ -1,7 +1,6 @@
 """The command source of teleop for a driver in another program: the page of a station."""
 
 import time
-from collections import deque
 
 from teleop.holder import HeldError, Holder, about_this_process
 from wire import topics
@@ -12,6 +11,8 @@ from wire.text import printable
 RESET_LIMIT_S = 1.0
 MAX_ACTS = 6
 """How much of what people did is reported to the supervisor, which asks after each change."""
+MAX_OF_PAGE = 3
+"""Of these, from one page: whatever it repeats, what people did at other pages is still reported."""
 
 
 class SourceWheel:
@@ -25,7 +26,8 @@ class SourceWheel:
     def __init__(self, source: str, most: tuple[float, float]) -> None:
         self._source, self._most = source, most
         self._holder: Holder | None = None
-        self._acts = deque[str](maxlen=MAX_ACTS)
+        self._acts: list[tuple[object, str]] = []
+        """The page and the act, oldest first."""
 
     def join(self, bus: Bus) -> None:
         """Use an open bus from now on."""
@@ -59,7 +61,12 @@ class SourceWheel:
         if self._holder is not None:
             self._holder.drop()
 
-    def tell(self, act: str) -> None:
-        self._acts.append(f"{time.strftime('%H:%M:%S')} {act}")
+    def tell(self, page: object, act: str) -> None:
+        self._acts.append((page, f"{time.strftime('%H:%M:%S')} {act}"))
+        own = [one for one in self._acts if one[0] is page]
+        if len(own) > MAX_OF_PAGE:
+            self._acts.remove(own[0])
+        del self._acts[:-MAX_ACTS]
         if self._holder is not None:
-            self._holder.about = "; ".join((self._about, *self._acts))
+            # The newest first: the supervisor keeps the beginning of a long report.
+            self._holder.about = "; ".join((self._about, *(one for _, one in reversed(self._acts))))

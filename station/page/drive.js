@@ -48,6 +48,8 @@ function begin() {
     if (own !== socket) return;
     const { kind, sentence, drives, asked } = JSON.parse(event.data);
     if (kind === "turn") {
+      // What was held while the page asked was not meant to move the robot now; the server has got the zeros of the question.
+      if (drives && !isTaken) letGo("You drive now: let go, and press again.");
       isTaken = drives;
       element("hand-over").hidden = !asked;
       return write("drive-turn", sentence);

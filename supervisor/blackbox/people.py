@@ -6,7 +6,7 @@ same time, and at most once in `PERIOD_S`, whatever the programs do. The answers
 
 import asyncio
 import time
-from collections import deque
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -16,9 +16,12 @@ from wire.bus import Bus, NoReplyError
 from wire.text import printable
 
 MAX_ACTS = 32
-"""A black box holds the newest ones, also those before its window."""
+"""A black box holds the newest ones, also those before its window. One too many displaces the oldest of the source or service
+with the most."""
 MAX_LENGTH = 500
 """Characters of one."""
+SERVICES = ("e-stop", "reset")
+"""What the supervisor itself notes, beside the answers of the sources."""
 ANSWER_LIMIT_S = 1.0
 PERIOD_S = 0.5
 
@@ -32,7 +35,7 @@ class People:
 
     def __init__(self, utc: Callable[[], float] = time.time) -> None:
         self._utc = utc
-        self._acts: deque[dict[str, str]] = deque(maxlen=MAX_ACTS)
+        self._acts: list[dict[str, str]] = []
         self._asking: asyncio.Task[None] | None = None
         self._is_due = False
 
@@ -42,11 +45,16 @@ class People:
         return list(self._acts)
 
     def note(self, by: str, text: str) -> None:
-        """Keep an act, unless it repeats the newest one of the same source or service."""
+        """Keep an act, unless it repeats the newest one of the same source; a press ends what a reset repeats, and the reverse."""
         text = printable(text[:MAX_LENGTH])
-        if text != next((act["text"] for act in reversed(self._acts) if act["by"] == by), ""):
+        kind = SERVICES if by in SERVICES else (by,)
+        newest = next((act for act in reversed(self._acts) if act["by"] in kind), None)
+        if newest is None or (newest["by"], newest["text"]) != (by, text):
             utc = datetime.fromtimestamp(self._utc(), UTC).isoformat(timespec="milliseconds")
             self._acts.append({"utc": utc, "by": by, "text": text})
+        if len(self._acts) > MAX_ACTS:
+            crowd = Counter(act["by"] for act in self._acts).most_common(1)[0][0]
+            self._acts.remove(next(act for act in self._acts if act["by"] == crowd))
 
     def ask(self, bus: Bus, sources: Sequence[str]) -> None:
         """Ask the programs behind these sources soon what people did; never blocks."""

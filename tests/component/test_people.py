@@ -6,13 +6,16 @@ from contextlib import asynccontextmanager
 from itertools import pairwise
 from pathlib import Path
 
+import pytest
+
 from lifeline.page import SourceWheel
 from station.driving import Driving, Person, Pictures
-from station.messages import Wanted
+from station.messages import MAX_NAME, Wanted
 from supervisor.blackbox.people import MAX_ACTS, MAX_LENGTH, PERIOD_S, People
 from supervisor.blackbox.reader import BlackBoxReader
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
+from teleop import wheel
 from tests.component.rig import Rig
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, WriterAtOnce
 from virtual.network import VirtualBus
@@ -25,9 +28,9 @@ class Station:
 
     def __init__(self, rig: Rig) -> None:
         self._rig, self.bus = rig, rig.network.open_joined("page")
-        wheel = SourceWheel("teleop", (1.0, 1.0))
-        wheel.join(self.bus)
-        self.driving = Driving(wheel)
+        source = SourceWheel("teleop", (1.0, 1.0))
+        source.join(self.bus)
+        self.driving = Driving(source)
 
     async def takes(self, person: Person) -> None:
         assert await self.driving.take(person, self._rig.loop.time()) == ""
@@ -61,11 +64,11 @@ async def test_an_incident_names_who_drove_asked_took_over_stopped_and_reset(tmp
     async with robot(rig, writer):
         station = Station(rig)
         driving = station.driving
-        anna = driving.enter("Anna")
+        anna = driving.enter("Anna", "Anna's page")
         await station.takes(anna)
         await station.drives(anna, 0.5, 2.0)
         assert rig.output() == (0.5, 0.0)
-        ben = driving.enter("Ben")
+        ben = driving.enter("Ben", "Ben's page")
         assert driving.ending(anna, rig.loop.time(), hands_over=True) == "You handed over to Ben."
         driving.leave(anna)
         await rig.pass_time(0.05)
@@ -76,7 +79,7 @@ async def test_an_incident_names_who_drove_asked_took_over_stopped_and_reset(tmp
         await station.drives(ben, 0.3, 2.0)
         assert rig.output() == (0.3, 0.0)
         station.bus.publisher(topics.ESTOP).put(Bool(data=True))
-        driving.tell("Cleo pressed the e-stop")
+        driving.tell("Cleo's page", "Cleo pressed the e-stop")
         await station.drives(ben, 0.0, 4.0)
         told = acts(writer.paths[-1])
         for act in (
@@ -103,7 +106,7 @@ async def test_a_station_that_is_killed_has_named_its_driver_before(tmp_path: Pa
     rig, writer = Rig(), WriterAtOnce(tmp_path)
     async with robot(rig, writer):
         station = Station(rig)
-        anna = station.driving.enter("Anna")
+        anna = station.driving.enter("Anna", "Anna's page")
         await station.takes(anna)
         await station.drives(anna, 0.5, 2.0)
         station.bus.die()
@@ -134,6 +137,73 @@ async def test_a_program_that_answers_nothing_or_anything_delays_no_command(tmp_
     (one,) = [act for act in BlackBoxReader(writer.paths[-1]).acts if act.by == "teleop"]
     assert one.text.startswith("?[2Jx")
     assert len(one.text) == MAX_LENGTH
+
+
+async def test_a_page_that_asks_and_leaves_all_the_time_under_any_name_hides_nothing_that_others_did(
+    tmp_path: Path,
+) -> None:
+    rig, writer = Rig(), WriterAtOnce(tmp_path)
+    async with robot(rig, writer):
+        station = Station(rig)
+        driving = station.driving
+        anna = driving.enter("Anna", "Anna's page")
+        await station.takes(anna)
+        await station.drives(anna, 0.5, 2.0)
+        station.bus.publisher(topics.ESTOP).put(Bool(data=True))
+        driving.tell("Cleo's page", "Cleo pressed the e-stop")
+        for number in range(100):  # before the supervisor asks
+            name = f"{number:024d}"
+            asks = driving.enter(name, "page of a flood")
+            driving.tell(asks.page, f"{name} pressed the e-stop")
+            driving.leave(asks)
+        await station.drives(anna, 0.0, 4.0)
+    told = acts(writer.paths[-1])
+    assert "Cleo pressed the e-stop" in told
+    assert f"{99:024d} pressed the e-stop" in told
+
+
+async def test_the_newest_acts_are_kept_of_a_report_that_is_too_long(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+
+    def about(source: str) -> str:
+        return f"the {source} of {'u' * 32}@{'h' * 64}"
+
+    monkeypatch.setattr(wheel, "about_this_process", about)
+    rig, writer = Rig(), WriterAtOnce(tmp_path)
+    async with robot(rig, writer):
+        station = Station(rig)
+        for number in range(MAX_ACTS):
+            station.driving.tell(number, f"{number:0{MAX_NAME}d} lost control after 30 s without motion")
+        anna = station.driving.enter("A" * MAX_NAME, "her page")
+        await station.takes(anna)
+        await station.drives(anna, 0.5, 2.0)
+        station.driving.leave(anna)
+        await rig.pass_time(4.0)
+    told = acts(writer.paths[-1])
+    assert "A began to drive" in told
+    assert "A ended driving" in told
+
+
+@pytest.mark.parametrize("others", [[], [("teleop", "Anna began to drive")]])
+async def test_each_press_and_each_reset_is_kept_but_not_a_flood_of_resets(
+    others: list[tuple[str, str]],
+) -> None:
+    people = People(utc=lambda: NOON_UTC_S)
+    life = [("e-stop", "pressed by phone"), *others, ("reset", "done"), *others, ("reset", "done")]
+    for by, text in life * 2:
+        people.note(by, text)
+    assert [act["by"] for act in people.acts if act["by"] != "teleop"] == ["e-stop", "reset"] * 2
+
+
+async def test_a_source_that_reports_all_the_time_hides_no_press_and_no_other_source() -> None:
+    people = People(utc=lambda: NOON_UTC_S)
+    people.note("e-stop", "pressed by phone")
+    people.note("path", "Ben began to drive")
+    for number in range(10 * MAX_ACTS):
+        people.note("teleop", f"act {number}")
+    assert [act["by"] for act in people.acts] == ["e-stop", "path", *["teleop"] * (MAX_ACTS - 2)]
+    assert people.acts[-1]["text"] == f"act {10 * MAX_ACTS - 1}"
 
 
 async def test_only_the_newest_acts_are_kept_and_none_twice_in_a_row() -> None:

@@ -2,6 +2,7 @@
 
 import asyncio
 import http.client
+import json
 import signal
 import socket
 import subprocess
@@ -22,12 +23,14 @@ from tests.system.namespaces import needs_namespaces
 from tests.system.operators import LIMIT_S, ROOT, Operator, until
 from tests.system.pages import URL, Page, Server, served
 from tests.system.test_estop_stations import ESTOP, LIFELINE, LOST, drive, heard, refused, state
+from wire import topics
 from wire.lease import LEASE_S
 from wire.roles import Role
 
 pytestmark = pytest.mark.timeout(180)
 
 BAD_MESSAGE, NOT_PAIRED, SILENT, REPLACED, TOO_MANY = 4400, 4401, 4408, 4409, 4429
+NO_NAME, HAS_PLACE = 4403, 4411
 
 
 async def lost(subject: Robot) -> None:
@@ -245,6 +248,49 @@ async def test_a_session_connects_again_in_the_place_of_its_old_connection(tmp_p
             await heard(subject, "phone")
         async with server.page(token="x" * 43) as stranger:
             assert await stranger.closed() == NOT_PAIRED
+
+
+async def test_a_page_with_several_connections_has_one_place_in_the_queue_and_only_with_a_name(
+    tmp_path: Path,
+) -> None:
+    zero = json.dumps({"linear": 0.0, "angular": 0.0, "time_s": 0.0, "picture": 0})
+    async with served(tmp_path, drives=True) as (subject, server), server.heard_page(subject) as page:
+
+        async def refused(hello: str) -> int:
+            async with server.socket(path="drive") as socket:
+                await socket.send(hello)
+                await asyncio.wait_for(socket.wait_closed(), LIMIT_S)
+                assert socket.close_code is not None
+                return socket.close_code
+
+        hello = json.dumps({"token": page.token})
+        for name in ("", " \t ", "\n"):
+            await page.socket.send(json.dumps({"name": name}))
+            assert await refused(hello) == NO_NAME
+        await page.socket.send(json.dumps({"name": "Anna"}))
+        async with server.socket(path="drive") as driving:
+
+            async def drive() -> None:
+                await driving.send(hello)
+                while True:
+                    await driving.send(zero)
+                    await asyncio.sleep(0.1)
+
+            sending = asyncio.ensure_future(drive())
+            try:
+                await until(lambda: page.view["driver"] == "Anna")
+                for _ in range(3):
+                    assert await refused(hello) == HAS_PLACE
+                assert page.view["driver"] == "Anna"
+                assert subject.bus is not None
+                for _ in range(50):
+                    await driving.send(json.dumps({"request": "reset"}))
+                report = ""
+                while "requested a reset" not in report:
+                    report = (await subject.bus.call(topics.source_holder("teleop"))).message
+                assert "Anna began to drive" in report, "a flood of requests is one request"
+            finally:
+                sending.cancel()
 
 
 @pytest.mark.long

@@ -115,12 +115,14 @@ async def test_a_driver_hands_over_to_the_person_who_asks_and_the_incident_names
         await shows(anna, "drive-turn", "Ben asks to drive.")
         assert subject.status.permitted.linear.x > 0.0, "a question stops nothing"
         assert ESTOP not in subject.status.reasons, "a name was typed"
+        await key(ben, "KeyW", down=True)
         await anna.click(*await anna.middle_of("#hand-over"))
         await stands(subject)
         await shows(anna, "drive-ended", "You handed over to Ben.")
         await ben.waits_for("document.getElementById('drive-turn').textContent === ''")
-        await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion by the hand-over", 0.5)
+        await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion by the hand-over", 1.0)
         await key(anna, "KeyW", down=False)
+        await key(ben, "KeyW", down=False)
         await drives(subject, ben, lambda: key(ben, "KeyW", down=True))
         await anna.click(*await anna.middle_of("#map"))
         await subject.until(lambda: ESTOP in subject.status.causes, "her press")

@@ -23,7 +23,7 @@ from wire.bus import Arrival, BusError, NoReplyError
 from wire.messages import TriggerResponse, Twist, decode, encode, planar_twist
 from wire.stamp import Stamper
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
-from wire.zenoh.session import MAX_SOURCE_NAME, SETTLE_S
+from wire.zenoh.session import MAX_REPLIES, MAX_SOURCE_NAME, SETTLE_S
 
 WITHIN_S = 20.0
 """Time limit for expected events on a loaded machine."""
@@ -293,6 +293,32 @@ async def test_the_empty_trigger_request_of_a_ros_2_bridge_is_served(
             timeout_s=WITHIN_S,
         )
         assert response.message == reply
+
+
+async def test_a_program_that_answers_one_query_again_and_again_with_garbage_is_not_read_to_the_end(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    config = BusConfig(free_endpoint())
+    hub = await open_bus(config, "hub")
+    rogue = open_rogue(participants(config.endpoint))
+    key = topics.source_holder("teleop").key
+
+    def flood(query: zenoh.Query) -> None:
+        with query:
+            for _ in range(1000):
+                query.reply(f"robot/{key}", b"\xff" * 64)
+
+    try:
+        with rogue.declare_queryable(f"robot/{key}", flood):
+            deadline_s = time.monotonic() + WITHIN_S
+            while not (ignored := [one for one in caplog.messages if "not a Trigger response" in one]):
+                assert time.monotonic() < deadline_s
+                with pytest.raises(NoReplyError):
+                    await hub.call(topics.source_holder("teleop"), timeout_s=WITHIN_S)
+        assert len(ignored) <= MAX_REPLIES
+    finally:
+        rogue.close()
+        await hub.close()
 
 
 async def test_a_port_in_use_is_one_sentence_that_says_what_to_do() -> None:

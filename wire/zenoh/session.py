@@ -39,6 +39,8 @@ SETTLE_S = 0.4
 """How long a client refuses samples after it has reconnected to the same hub: some are under wrong keys. Measured: for up to 0.07 s."""
 CLOSE_LIMIT_S = 1.0
 MAX_PENDING_QUERIES = 16
+MAX_REPLIES = 4
+"""Read of one query; a program can send as many as the link carries, and reading all of them would delay the loop."""
 ASK_AGAIN_S = 0.02
 DATAGRAM_BYTES = 1000
 """Maximum size of a payload that is sent as a datagram: a QUIC packet has 1,200 bytes at first, with all headers, key and stamp."""
@@ -393,7 +395,8 @@ class ZenohSession:
         """Query a key of the robot, and return the first reply that `read` accepts.
 
         Any client can answer a query whose key its queryable matches. A reply for the supervisor therefore counts only if
-        it comes from the session that holds the token of the supervisor's run, which the hub refuses to all others.
+        it comes from the session that holds the token of the supervisor's run, which the hub refuses to all others. Of other
+        replies, at most `MAX_REPLIES` are read.
 
         Args:
             key: the key, relative to the robot's namespace.
@@ -418,7 +421,7 @@ class ZenohSession:
             replies = self._session.get(
                 full_key, payload=request, timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE
             )
-            for reply in replies:
+            for reply in replies if is_supervisors else itertools.islice(replies, MAX_REPLIES):
                 if is_supervisors and _replier(reply) not in supervisors:
                     continue
                 answer = None if reply.ok is None else read(reply.ok.payload.to_bytes())

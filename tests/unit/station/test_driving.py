@@ -35,7 +35,7 @@ class Record:
     def release(self) -> None:
         self.is_taken = False
 
-    def tell(self, act: str) -> None:
+    def tell(self, page: object, act: str) -> None:
         self.acts.append(act)
 
     @property
@@ -53,9 +53,9 @@ async def asked() -> tuple[Record, Driving, Person, Person]:
     """Anna has driven since 100 s, and Ben asks."""
     wheel = Record()
     driving = Driving(wheel)
-    anna = driving.enter("Anna")
+    anna = driving.enter("Anna", "Anna's page")
     await driving.take(anna, 100.0)
-    return wheel, driving, anna, driving.enter("Ben")
+    return wheel, driving, anna, driving.enter("Ben", "Ben's page")
 
 
 def turn(driving: Driving, person: Person, now_s: float) -> tuple[bool, bool, str]:
@@ -157,7 +157,7 @@ def test_whatever_happens_motion_has_a_new_picture_and_a_zero_of_the_person_sinc
 async def test_the_driver_commands_and_resets() -> None:
     wheel = Record()
     driving = Driving(wheel)
-    anna = driving.enter("Anna")
+    anna = driving.enter("Anna", "Anna's page")
     assert await driving.take(anna, 100.0) == ""
     driving.hear(anna, ZERO_WANTED, None, 100.0)
     assert wheel.sent == [(0.0, 0.0, 100.0)]
@@ -200,6 +200,7 @@ async def test_a_hand_over_ends_the_permission_at_once_and_the_next_person_begin
 
 async def test_a_question_is_never_answered_by_itself_while_the_driver_drives() -> None:
     _, driving, anna, _ = await asked()
+    driving.hear(anna, ZERO_WANTED, None, 100.0)
     for second in range(1, 300):
         driving.hear(anna, MOTION, shown(100.0 + second), 100.0 + second)
         assert driving.ending(anna, 100.0 + second, hands_over=False) == ""
@@ -209,7 +210,7 @@ async def test_a_question_is_never_answered_by_itself_while_the_driver_drives() 
 async def test_a_driver_without_motion_loses_control_after_the_shown_time(idle_s: float, ends: bool) -> None:  # noqa: FBT001
     wheel = Record()
     driving = Driving(wheel)
-    anna = driving.enter("Anna")
+    anna = driving.enter("Anna", "Anna's page")
     await driving.take(anna, 0.0)
     driving.hear(anna, ZERO_WANTED, shown(0.0), idle_s)
     assert (driving.ending(anna, idle_s, hands_over=False) != "") is ends
@@ -233,6 +234,15 @@ async def test_motion_begins_the_time_again_and_zero_does_not() -> None:
     )
 
 
+@pytest.mark.parametrize("pictures", [None, shown(0.0)])
+async def test_motion_that_is_refused_does_not_keep_the_wheel(pictures: Pictures | None) -> None:
+    _, driving, anna, _ = await asked()
+    driving.hear(anna, ZERO_WANTED, None, 100.0)
+    for second in range(1, int(IDLE_S) + 1):
+        assert driving.hear(anna, MOTION, pictures, 100.0 + second) != ""
+    assert driving.ending(anna, 100.5 + IDLE_S, hands_over=False) != ""
+
+
 async def test_the_driver_sees_who_asks_and_may_hand_over_only_to_a_person() -> None:
     _, driving, anna, ben = await asked()
     assert turn(driving, anna, 104.5) == (
@@ -244,14 +254,14 @@ async def test_the_driver_sees_who_asks_and_may_hand_over_only_to_a_person() -> 
     assert turn(driving, anna, 104.5) == (True, False, "")
     assert driving.ending(anna, 104.5, hands_over=True) == ""
     driving.leave(anna)
-    cleo = driving.enter("Cleo")
+    cleo = driving.enter("Cleo", "Cleo's page")
     assert turn(driving, cleo, 104.5) == (False, False, "")
     assert driving.ending(cleo, 1000.0, hands_over=True) == "", "a person who asks has nothing to hand over"
 
 
 async def test_persons_drive_in_the_order_in_which_they_asked() -> None:
     _, driving, anna, ben = await asked()
-    cleo = driving.enter("Cleo")
+    cleo = driving.enter("Cleo", "Cleo's page")
     assert driving.ending(anna, 101.0, hands_over=True) == "You handed over to Ben."
     driving.leave(anna)
     await driving.take(cleo, 101.0)
@@ -260,21 +270,37 @@ async def test_persons_drive_in_the_order_in_which_they_asked() -> None:
     assert driving.driver == "Ben"
 
 
+async def test_a_page_has_one_place_and_gets_a_new_one_at_the_end_of_the_queue() -> None:
+    _, driving, anna, ben = await asked()
+    assert driving.has(anna.page)
+    assert driving.has(ben.page)
+    assert not driving.has("Cleo's page")
+    driving.leave(ben)
+    assert not driving.has(ben.page)
+    cleo = driving.enter("Cleo", "Cleo's page")
+    again = driving.enter("Ben", ben.page)
+    driving.leave(anna)
+    await driving.take(again, 101.0)
+    assert driving.driver == ""
+    await driving.take(cleo, 101.0)
+    assert driving.driver == "Cleo"
+
+
 async def test_a_wheel_that_another_program_holds_is_released_again() -> None:
     wheel = Record()
     wheel.refuses = "The robot is driven by the teleop of x."
     driving = Driving(wheel)
-    anna = driving.enter("Anna")
+    anna = driving.enter("Anna", "Anna's page")
     assert await driving.take(anna, 100.0) == wheel.refuses
     driving.leave(anna)
     assert (wheel.is_taken, wheel.acts) == (False, []), "who never drove is not recorded as a driver"
     wheel.refuses = ""
-    assert await driving.take(driving.enter("Ben"), 100.0) == ""
+    assert await driving.take(driving.enter("Ben", "Ben's page"), 100.0) == ""
 
 
 async def test_pages_that_come_at_the_same_time_do_not_share_the_wheel() -> None:
     driving = Driving(Record())
-    people = [driving.enter(name) for name in ("Anna", "Ben", "Cleo")]
+    people = [driving.enter(name, name) for name in ("Anna", "Ben", "Cleo")]
     await asyncio.gather(*(driving.take(person, 100.0) for person in reversed(people)))
     assert driving.driver == "Anna"
 

@@ -93,6 +93,7 @@ def test_no_text_causes_another_error(text: str) -> None:
 def test_a_name_is_short_and_printable() -> None:
     assert read_lease('{"name": " J\u00f6rg "}') == "J\u00f6rg"
     assert read_lease(json.dumps({"name": "\x1b[2J\u202e\ud800"})) == "?[2J??"
+    assert [read_lease(json.dumps({"name": blank})) for blank in ("\u3164", " \u2800\ufe0f ")] == ["", ""]
     assert read_lease(json.dumps({"name": "\U0001f980" * MAX_NAME})) == "\U0001f980" * MAX_NAME
     for fields in ({"name": "x" * (MAX_NAME + 1)}, {"name": 1}, {"name": "x", "stop": True}):
         with pytest.raises(BadMessageError):

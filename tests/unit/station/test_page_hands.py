@@ -192,7 +192,36 @@ def test_a_page_that_asks_sends_zero_whatever_is_held_until_it_drives() -> None:
     assert len(sent) > 2
     assert {(one["linear"], one["angular"]) for one in sent} == {(0, 0)}
     assert texts["drive-turn"] == "You asked Anna."
-    assert run(*asks, TURN, ["frame", 50])[0][-1]["linear"] == 1, "the server then requires a zero"
+
+
+@pytest.mark.parametrize("hold", [[W], PULLED, [touch("enable", 1), touch("stick", 2)]])
+def test_what_is_held_when_a_page_gets_the_wheel_must_be_pressed_again(hold: list[Step]) -> None:
+    waits: list[Step] = [["begin"], ["turn", False, False, "You asked Anna."], *hold, ["frame", 250]]
+    assert newest(*hold, ["frame", 50]) == 1
+    sent, texts, _ = run(*waits, TURN, ["frame", 250], ["frame", 250])
+    assert {(one["linear"], one["angular"]) for one in sent} == {(0, 0)}
+    assert texts["drive-told"] == "You drive now: let go, and press again."
+    assert run(*waits, TURN, ["frame", 250], ["window", "keyup", {"code": "KeyW"}], W)[0][-1]["linear"] == 1
+
+
+def test_a_gamepad_that_is_held_when_a_page_gets_the_wheel_must_be_released() -> None:
+    def pad(*, held: bool) -> list[Step]:
+        buttons = [{"pressed": held and number == 4} for number in range(5)]
+        return [
+            ["pads", [{"connected": True, "mapping": "standard", "buttons": buttons, "axes": [0, -1]}]],
+            ["frame", 250],
+        ]
+
+    taken: list[Step] = [
+        ["begin"],
+        ["turn", False, False, "You asked Anna."],
+        *pad(held=False),
+        *pad(held=True),
+        TURN,
+        *pad(held=True),
+    ]
+    assert {one["linear"] for one in run(*taken)[0]} == {0}
+    assert run(*taken, *pad(held=False), *pad(held=True))[0][-1]["linear"] == 1
 
 
 def test_a_hand_over_sends_a_zero_before_it_in_the_same_event() -> None:
