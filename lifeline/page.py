@@ -22,10 +22,11 @@ class LivePainter:
     Args:
         picture: keeps what is drawn.
         passport: the sentence of the robot's passport; empty: none.
+        source: the command source with which pages drive.
     """
 
-    def __init__(self, picture: Picture, passport: str) -> None:
-        self._picture, self._passport = picture, passport
+    def __init__(self, picture: Picture, passport: str, source: str) -> None:
+        self._picture, self._passport, self._source = picture, passport, source
         self._bus: Bus | None = None
         self._heard: dict[str, Subscription[Any]] = {}
 
@@ -34,7 +35,7 @@ class LivePainter:
         self._bus = bus
 
     def robot(self) -> dict[str, object]:
-        return {**self._picture.robot(), "passport": self._passport}
+        return {**self._picture.robot(), "passport": self._passport, "source": self._source}
 
     def picture(self) -> tuple[dict[str, object], float]:
         """Return the newest picture, and when its oldest scan arrived: of each topic, only the newest message is drawn."""
@@ -53,7 +54,8 @@ def painter_of(launch: Launch, passport: str = "") -> LivePainter | None:
     config = launch.section("supervisor", SupervisorSection)
     measured = launch.section("measured", MeasuredSection)
     scene = scene_of(config, launch.bus.namespace)
-    return LivePainter(Picture(scene, stopping_of(config, measured), _most(config)), passport)
+    picture = Picture(scene, stopping_of(config, measured), _most(config))
+    return LivePainter(picture, passport, launch.section("teleop", TeleopSection).source)
 
 
 def wheel_of(launch: Launch) -> SourceWheel:

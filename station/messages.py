@@ -14,7 +14,7 @@ from typing import NamedTuple, cast
 
 from wire import foreign
 from wire.message_types import EstopLease, SafetyStatus
-from wire.reasons import StopReason
+from wire.reasons import StopReason, words_of
 from wire.text import printable
 
 MAX_MESSAGE_BYTES = 512
@@ -152,6 +152,17 @@ def is_latched(status: SafetyStatus) -> bool:
     return StopReason.ESTOP in status.reasons
 
 
+def cause_of(status: SafetyStatus) -> str:
+    """Return the most severe reason of a status in words; empty if there is none."""
+    causes, latched = status.causes_and_latched()
+    names = causes or latched
+    words = words_of(names[0]) if names else None
+    if words is None:
+        return printable(", ".join(names))
+    text = words.now if causes else words.over
+    return text.replace("WHO", printable(status.owner) or "the command source")
+
+
 def view(station: str, endpoint: str, status: SafetyStatus | None, driver: str, *, has_rival: bool) -> str:
     """Return what a page shows besides its lease.
 
@@ -174,7 +185,7 @@ def view(station: str, endpoint: str, status: SafetyStatus | None, driver: str, 
         problem = "The robot does not hear this station."
     fields = {
         "problem": problem,  # why the page is not heard, if it is not
-        "reasons": "" if status is None else printable(status.why()),
+        "cause": "" if status is None else cause_of(status),
         "latched": status is not None and is_latched(status),
         "required": own is not None and own.required,
         "driver": driver,

@@ -25,10 +25,11 @@ from lifeline.view.scene import (
     Scene,
 )
 from lifeline.view.shapes import Area, Floats, Frame, Line, LogLine, Points, Primitive, State, Value
+from station.messages import cause_of
 from supervisor.law.reckoning import Pose
 from teleop.screen.view import nearest_in_words
 from wire.messages import SafetyStatus, UndecodableError, decode
-from wire.reasons import words_of
+from wire.reasons import StopReason, words_of
 from wire.standstill import is_still
 from wire.text import printable
 from wire.topics import STATUS, Topic
@@ -173,30 +174,29 @@ class Picture:
         return min(arrivals_s, default=-math.inf)
 
     def _texts(self, now_s: float) -> dict[str, object]:
-        """Return the mode, its cause and what to do, in words, and who drives."""
+        """Return the mode, its cause and what to do, in words, and who drives: `own_step` is for the driver at a page."""
         if self._status is None or now_s - self._status[0] > FRESH_S:
             return {
                 "mode": "",
                 "why": "nothing is heard from the supervisor",
                 "step": "",
+                "own_step": "",
                 "owner": "",
                 "nearest": "",
             }
         status = self._status[1]
         causes, latched = status.causes_and_latched()
-        held = self._mode in {"STOPPED", "LIMITED"}
-        names = [*causes, *latched] if held else []
-        words = words_of(names[0]) if names else None
-        why = "" if words is None else words.now if causes else words.over
-        step = "" if words is None or self._mode != "STOPPED" else words.step
+        names = causes or latched
+        words = words_of(names[0]) if names and self._mode == "STOPPED" else None
+        step = "" if words is None else words.step
+        if not any(station.is_missed for station in status.estop_stations):
+            step = step.removeprefix("start it, ")
         return {
             "mode": self._mode,
-            "why": why.replace("WHO", printable(status.owner) or "the command source")
-            or printable(", ".join(names)),
-            "step": step.replace("NEUTRAL", "the driver requests zero")
-            .replace("then r to reset", "then resets")
-            .replace("then r if", "then resets if"),
-            "owner": printable(status.owner),
+            "why": cause_of(status) if self._mode in {"STOPPED", "LIMITED"} else "",
+            "step": _step(step, "the driver requests zero", "resets"),
+            "own_step": _step(step, "let go", "press Reset"),
+            "owner": "" if StopReason.NO_COMMAND in causes else printable(status.owner),
             "nearest": nearest_in_words(status, "°"),
         }
 
@@ -225,6 +225,15 @@ class Picture:
                 "hidden": _flat(_moved(hidden.points_m, here, base)),
                 "free": _flat(_moved(ends, here, base)),
             }
+
+
+def _step(step: str, neutral: str, reset: str) -> str:
+    """Return a step of `wire.reasons`: how to request zero, and how to reset."""
+    return (
+        step.replace("NEUTRAL", neutral)
+        .replace("then r to reset", f"then {reset}")
+        .replace("then r if", f"then {reset} if")
+    )
 
 
 def _classes(colours: "np.ndarray[tuple[int, int], np.dtype[np.uint8]]") -> list[int]:

@@ -52,7 +52,8 @@ function begin() {
       if (drives && !isTaken) letGo("You drive now: let go, and press again.");
       isTaken = drives;
       element("hand-over").hidden = !asked;
-      return write("drive-turn", sentence);
+      write("drive-turn", sentence);
+      return render();
     }
     if (sentence === "") return; // the last one stays until something is held again
     change(wishes.NOTHING);
@@ -205,6 +206,7 @@ function render() {
   element("drive-offer").hidden = token === "" || socket !== null;
   element("drive").hidden = socket === null;
   document.body.dataset.driving = socket !== null;
+  document.body.dataset.drives = isTaken;
   element("enable").dataset.held = wish.enable !== null;
   const pull = wish.stick ?? { x: 0, y: 0 };
   const length = Math.max(1, Math.hypot(pull.x, pull.y));

@@ -25,9 +25,14 @@ let socket = null;
 let robot = null;
 let shown_s = -Infinity;
 let number = 0; // of the newest picture that was submitted for drawing; 0 if none is seen
+let driver = ""; // the person who drives at a page; empty: nobody
 let chart = []; // [time, requested, permitted, measured] of the straight velocity
 
 export const drawn = () => number;
+
+export function tellDriver(name) {
+  driver = name;
+}
 
 export function begin(ofSession) {
   end();
@@ -202,12 +207,14 @@ function drawChart(pen, velocity, left, top, width, height, ink) {
 // --- the same in words
 
 function tell(picture) {
-  const { mode, why, step, owner, nearest, velocity, stop, age_s, round_trip_s, events } = picture;
+  const { mode, why, owner, nearest, velocity, stop, age_s, round_trip_s, events } = picture;
   const metres = (cm) => `${(cm / 100).toFixed(2)} m`;
+  const who = owner === robot.source && driver !== "" ? driver : owner;
+  const step = document.body.dataset.drives === "true" ? picture.own_step : picture.step;
   const speed = velocity.measured[0] ?? 0;
   const ghost_cm = Math.hypot(...(picture.ghost ?? [0, 0]).slice(0, 2));
   const rows = [
-    [mode, owner && `driven by ${owner}`, why, step && `→ ${step}`],
+    [mode, who && `driven by ${who}`, why, step && `→ ${step}`],
     [`${speed.toFixed(2)} m/s`, nearest && `nearest ${nearest}`],
     [
       ghost_cm > 1 && `if the link dies now: ${metres(ghost_cm)} (dashed)`,

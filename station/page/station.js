@@ -29,7 +29,7 @@ let isCovered = false; // by something else on a touch screen, which then has th
 let code = ""; // from the address, for one use
 let token = ""; // of the session; only this page has it
 let station = "";
-let view = { problem: "", reasons: "", latched: false, required: false };
+let view = { problem: "", cause: "", latched: false, required: false };
 let ending = ""; // why the last connection has ended
 let confirmedAfter_s = NaN;
 
@@ -57,6 +57,7 @@ function onMessage(message) {
   if (message.kind === "view") {
     view = message;
     drive.show(view.driver);
+    pictures.tellDriver(view.driver);
   } else if (message.kind === "welcome") {
     ({ station, token } = message);
     isWelcome = true;
@@ -172,7 +173,7 @@ function sentence(word) {
     if (!isConfirmed || word !== "STOPPED") return "Pressed: waiting for the confirmation.";
     return `Stopped from here, confirmed after ${Math.round(confirmedAfter_s * 1000)} ms.`;
   }
-  if (word === "STOPPED") return `The robot is stopped${view.reasons && `: ${view.reasons}`}.`;
+  if (word === "STOPPED") return `The robot is stopped${view.cause && `: ${view.cause}`}.`;
   return `Touch anywhere to stop.${view.required ? " Closing or hiding this page stops the robot, too." : ""}`;
 }
 

@@ -143,6 +143,26 @@ async def test_a_driver_hands_over_to_the_person_who_asks_and_the_incident_names
         assert "pressed by phone" in people()
 
 
+async def test_the_controls_stay_on_a_phones_screen_with_the_longest_refusal(tmp_path: Path) -> None:
+    async with wheel(tmp_path) as (_, _, _, tab):
+        for width, height in ((390, 760), (760, 360)):
+            await tab.do(
+                "Emulation.setDeviceMetricsOverride",
+                width=width,
+                height=height,
+                deviceScaleFactor=1,
+                mobile=True,
+            )
+            await tab.waits_for(f"innerWidth === {width}")
+            refusal = "Not reset: the supervisor was stopped meanwhile: reset again in a second"
+            await tab.evaluate(f"document.getElementById('drive-told').textContent = {refusal!r}")
+            for place in ("#reset", "#drive-end", "#stick", "#enable", "#drive-told"):
+                assert await tab.evaluate(
+                    f"(({{ top, bottom }}) => top >= 0 && bottom > top && bottom <= innerHeight)"
+                    f"(document.querySelector({place!r}).getBoundingClientRect())"
+                ), (place, width)
+
+
 async def touches(tab: Tab, kind: str, *places: tuple[float, float]) -> None:
     """Touch with as many fingers as there are places [CSS pixels]."""
     points = [{"x": x, "y": y, "id": number} for number, (x, y) in enumerate(places)]
@@ -164,7 +184,7 @@ async def test_two_thumbs_drive_and_a_third_finger_stops(tmp_path: Path) -> None
 
         await drives(subject, tab, hold)
         enable, (x, y) = await tab.middle_of("#enable"), await tab.middle_of("#stick")
-        await touches(tab, "touchStart", enable, (x, y - 40), await tab.middle_of("#drive-told"))
+        await touches(tab, "touchStart", enable, (x, y - 40), await tab.middle_of("#speed"))
         await stands(subject)
         await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion again", 0.5)
 

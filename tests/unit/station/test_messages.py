@@ -114,11 +114,11 @@ def test_the_page_is_told_why_it_is_not_heard() -> None:
     assert shown(status())["problem"] == "The robot does not hear this station."
 
 
-def test_the_page_is_told_the_reasons_and_whether_the_robot_depends_on_it() -> None:
+def test_the_page_is_told_the_cause_in_words_and_whether_the_robot_depends_on_it() -> None:
     assert shown(status("ESTOP")) | {"problem": ""} == {
         "kind": "view",
         "problem": "",
-        "reasons": "ESTOP",
+        "cause": "the emergency stop is latched",
         "latched": True,
         "required": True,
         "driver": "Anna",
@@ -129,7 +129,7 @@ def test_the_page_is_told_the_reasons_and_whether_the_robot_depends_on_it() -> N
 
 def test_foreign_text_is_made_printable() -> None:
     newest = status("\x1b[31mRED")
-    assert shown(newest)["reasons"] == "?[31mRED"
+    assert shown(newest)["cause"] == "?[31mRED"
     assert "\\u001b" not in view("door", "tcp/\x1b[2J", None, "", has_rival=False)
 
 

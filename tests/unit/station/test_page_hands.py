@@ -21,7 +21,7 @@ const made = (id) => {
   const own = {};
   const map = { clientWidth: 300, clientHeight: 300, getContext: () => new Proxy({}, { get: () => () => {}, set: () => true }) };
   return {
-    own, dataset: {}, style: {}, hidden: false, textContent: "", value: "5", ...(id === "map" ? map : {}),
+    own, dataset: new Proxy({}, { set: (all, name, value) => Reflect.set(all, name, String(value)) }), style: {}, hidden: false, textContent: "", value: "5", ...(id === "map" ? map : {}),
     addEventListener: listen(own), setPointerCapture: () => {},
     getBoundingClientRect: () => ({ x: 0, y: 0, width: 200, height: 200 }),
   };
@@ -56,7 +56,10 @@ const steps = {
     element("drive-begin").own.click.forEach((call) => call());
   },
   turn(drives, asked, sentence) { sockets.at(-1).onmessage({ data: JSON.stringify({ kind: "turn", drives, asked, sentence }) }); },
-  driver(name) { drive.show(name); },
+  driver(name) {
+    drive.show(name);
+    pictures.tellDriver(name);
+  },
   told(sentence) { sockets.at(-1).onmessage({ data: JSON.stringify({ kind: "told", sentence }) }); },
   on(id, type, fields) {
     for (const call of [...(listeners[`first ${type}`] ?? []), ...(element(id).own[type] ?? []), ...(listeners[type] ?? [])]) {
@@ -237,9 +240,9 @@ def test_the_button_names_who_drives() -> None:
     assert run(["begin"], ["driver", ""])[1]["drive-word"] == "Drive"
 
 
-def picture(number: int) -> Step:
+def picture(number: int, **more: str) -> Step:
     velocity = {name: [0, 0] for name in ("requested", "permitted", "measured")}
-    texts = dict.fromkeys(("mode", "why", "step", "owner", "nearest"), "")
+    texts = dict.fromkeys(("mode", "why", "step", "own_step", "owner", "nearest"), "") | more
     facts: dict[str, Any] = {
         "scans": [],
         "ghost": None,
@@ -251,14 +254,32 @@ def picture(number: int) -> Step:
     return ["shown", {"kind": "picture", "number": number, "velocity": velocity, **texts, **facts}]
 
 
+LINES = {name: [0, 0, 10, 10] for name in ("outline", "heading", "stop", "warning")}
+ROBOT: Step = ["shown", {"kind": "robot", "most": [1, 1], "source": "teleop", **LINES}]
+
+
+@pytest.mark.parametrize(
+    ("owner", "driver", "shown"),
+    [("teleop", "Anna", "Anna"), ("teleop", "", "teleop"), ("nav", "Anna", "nav")],
+)
+def test_the_person_who_drives_is_named_instead_of_the_source_of_the_pages(
+    owner: str, driver: str, shown: str
+) -> None:
+    begun: list[Step] = [["driver", driver], ["pictures"], ROBOT, picture(1, owner=owner), ["frame", 50]]
+    assert f"driven by {shown}\n" in run(*begun)[1]["facts"]
+
+
+def test_a_page_shows_its_driver_what_to_do_at_this_page() -> None:
+    stopped: list[Step] = [ROBOT, picture(1, step="the driver lets go", own_step="let go"), ["frame", 50]]
+    for begun, step in (
+        ([*BEGUN, ["pictures"]], "→ let go"),
+        ([["begin"], ["pictures"]], "→ the driver lets go"),
+    ):
+        assert run(*begun, *stopped)[1]["facts"].splitlines()[0] == step
+
+
 def test_only_a_picture_that_is_large_enough_to_be_seen_counts_as_drawn() -> None:
-    lines = {name: [0, 0, 10, 10] for name in ("outline", "heading", "stop", "warning")}
-    begun: list[Step] = [
-        ["pictures"],
-        ["shown", {"kind": "robot", "most": [1, 1], **lines}],
-        picture(1),
-        ["frame", 50],
-    ]
+    begun: list[Step] = [["pictures"], ROBOT, picture(1), ["frame", 50]]
     sent, _, drawn = run(*begun)
     assert (sent[-1], drawn) == ({"drawn": 1}, 1)
     sent, _, drawn = run(*begun, ["map", 0], picture(2), ["frame", 50])

@@ -13,7 +13,15 @@ from lifeline.view.picture import FRESH_S, MAX_RAYS, Picture
 from lifeline.view.scene import scene_of
 from supervisor.config import NamedLidarSection, SupervisorSection
 from tests.unit.lifeline.view.test_scene import full, scan, status
-from wire.messages import Message, SafetyStatus, encode, laser_scan, odometry, planar_twist
+from wire.messages import (
+    EstopStationStatus,
+    Message,
+    SafetyStatus,
+    encode,
+    laser_scan,
+    odometry,
+    planar_twist,
+)
 
 STOPPING = Stopping(0.2, 1.0, 4.0)
 
@@ -126,7 +134,25 @@ def test_a_stop_is_in_words_with_what_to_do(page: Page) -> None:
 def test_a_reset_is_named_without_the_key_of_teleop(page: Page) -> None:
     for reason in ("ESTOP", "ESTOP_STATION_LOST"):
         page.hear("supervisor/status", status(SafetyStatus.STOPPED, reasons=[reason], causes=[reason]))
-        assert re.search(r"the driver requests zero, then resets( if still stopped)?$", page.shows()["step"])
+        shown = page.shows()
+        assert re.fullmatch(r"the driver requests zero, then resets( if still stopped)?", shown["step"])
+        assert re.fullmatch(r"let go, then press Reset( if still stopped)?", shown["own_step"])
+
+
+def test_a_lost_station_is_to_be_started_only_while_it_is_missed(page: Page) -> None:
+    for state, is_missed in ((EstopStationStatus.LOST, True), (EstopStationStatus.HEARD, False)):
+        station = EstopStationStatus("door", required=True, state=state, pressed=False)
+        reasons = ["ESTOP_STATION_LOST"]
+        stopped = status(SafetyStatus.STOPPED, reasons=reasons, causes=reasons, estop_stations=[station])
+        page.hear("supervisor/status", stopped)
+        assert page.shows()["own_step"].startswith("start it, ") is is_missed
+
+
+def test_nobody_is_shown_as_the_driver_while_no_source_commands_the_robot(page: Page) -> None:
+    for reason, owner in (("COMMAND_TIMEOUT", "teleop"), ("NO_COMMAND", "")):
+        stopped = status(SafetyStatus.STOPPED, reasons=[reason], causes=[reason], owner="teleop")
+        page.hear("supervisor/status", stopped)
+        assert page.shows()["owner"] == owner
 
 
 def test_the_way_of_a_stop_is_shown_beside_its_ghost_when_the_robot_stands(page: Page) -> None:
