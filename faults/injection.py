@@ -10,7 +10,7 @@ from random import Random
 from typing import Concatenate, ParamSpec
 
 from faults.attacks import ATTACKS, SECOND
-from faults.page import CONNECTIONS
+from faults.page import CONNECTIONS, PageFault
 from faults.port import PAGE, End, Fault, Hold, Parameters, Pillar, Port
 from wire import topics
 
@@ -217,21 +217,20 @@ def clock_step(chance: Random) -> Fault[Port]:
 
 
 def frozen_picture(chance: Random) -> Fault[Port]:
-    async def steps(port: Port) -> AsyncGenerator[float]:
-        yield port.freeze_picture()
-        port.mend_page()
-
-    return Fault(steps, lasts_s=lasting(chance, 0.8, 1.5))
+    return _page(chance, PageFault(frozen=True), {})
 
 
 def page_garbage(chance: Random) -> Fault[Port]:
     on, seed = chance.choice(CONNECTIONS), chance.randrange(1 << 31)
+    return _page(chance, PageFault(garbage_on=on, seed=seed), {"on": on})
 
+
+def _page(chance: Random, fault: PageFault, parameters: Parameters) -> Fault[Port]:
     async def steps(port: Port) -> AsyncGenerator[float]:
-        yield port.send_garbage(on, seed)
-        port.mend_page()
+        yield port.set_page_fault(fault)
+        port.set_page_fault(PageFault())
 
-    return Fault(steps, {"on": on}, lasting(chance, 0.8, 1.5))
+    return Fault(steps, parameters, lasting(chance, 0.8, 1.5))
 
 
 # --- e-stop

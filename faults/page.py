@@ -9,7 +9,7 @@ import json
 from collections.abc import Awaitable, Callable, Collection, Coroutine
 from contextlib import AbstractAsyncContextManager, suppress
 from random import Random
-from typing import Any, NoReturn, Protocol
+from typing import Any, NamedTuple, NoReturn, Protocol
 
 from wire.lease import PRESENCE_PERIOD_S
 
@@ -23,7 +23,7 @@ KEYS = {"w": (STEP, 0.0), "x": (-STEP, 0.0), "a": (0.0, STEP), "d": (0.0, -STEP)
 RELEASING_KEYS = ("s", "r")
 NOTHING = (0.0, 0.0)
 NAME = json.dumps({"name": "operator"})
-"""Of the person, without which the server lets nobody drive."""
+"""Of the person: the server lets nobody drive without a name."""
 LEASE = json.dumps({"challenge": "1", "response": "0", "stop": False})
 """Of a station that the supervisor does not know, and therefore does not challenge."""
 CONNECTIONS = ("lease", "picture", "drive")
@@ -33,7 +33,7 @@ MAX_GARBAGE = 600
 
 
 class Connection(Protocol):
-    """A websocket; both methods raise a ConnectionError when it has ended."""
+    """A websocket."""
 
     async def send(self, text: str, /) -> None: ...
 
@@ -44,22 +44,35 @@ Connect = Callable[[str], AbstractAsyncContextManager[Connection]]
 """Opens one of `CONNECTIONS`."""
 
 
+class PageFault(NamedTuple):
+    """What a page does wrong; by default nothing."""
+
+    frozen: bool = False
+    """It sends the number of one picture with all its commands, and ignores the answers of the server."""
+    garbage_on: str = ""
+    """The connection on which it sends no valid message; empty: none."""
+    seed: int = 0
+    """Of the garbage."""
+
+
 class Page:
     """One page.
 
     Args:
         connect: opens its connections.
         code: the code that pairs it.
+        ends: the errors that a connection raises if it cannot be opened, or has ended.
     """
 
-    def __init__(self, connect: Connect, code: str) -> None:
-        self._connect, self._hello = connect, {"code": code}
+    def __init__(
+        self, connect: Connect, code: str, ends: tuple[type[Exception], ...] = (ConnectionError,)
+    ) -> None:
+        self._connect, self._hello, self._ends = connect, {"code": code}, ends
         self._held = NOTHING
         """Shares of the largest velocities, ahead and to the left."""
         self._number = 0
         """Of the newest picture that was drawn; 0: none is shown."""
-        self._stale_number: int | None = None
-        self._garbage_on, self._random = "", Random(0)  # noqa: S311 - to be repeated is what it is for
+        self.set_fault(PageFault())
         self._wheel: Connection | None = None
         self._drives = False
         """Whether the server lets it drive; until then, it holds nothing."""
@@ -72,25 +85,23 @@ class Page:
             linear, angular = KEYS.get(key, NOTHING)
             held = (_share(self._held[0] + linear), _share(self._held[1] + angular))
             self._held = held if self._drives and key not in RELEASING_KEYS else NOTHING
-        with suppress(ConnectionError):  # the works of the page notice it, too
+        with suppress(*self._ends):  # the works of the page notice it, too
             await self._command()
             if "r" in keys:
-                await self._send({"reset": True})
+                await self._send({"request": "reset"})
 
-    def freeze_picture(self, *, frozen: bool) -> None:
-        """Send the number of the present picture with all commands, whatever the server answers, and hold on; or end this."""
-        self._stale_number = self._number if frozen else None
-
-    def send_garbage(self, on: str, seed: int) -> None:
-        """Send no valid message on one of the connections from now on; with an empty name, end this."""
-        self._garbage_on, self._random = on, Random(seed)  # noqa: S311 - as above
+    def set_fault(self, fault: PageFault) -> None:
+        """Do this wrong from now on, and nothing else."""
+        self._stale_number = self._number if fault.frozen else None
+        self._garbage_on = fault.garbage_on
+        self._random = Random(fault.seed)  # noqa: S311 - the garbage must be repeatable
 
     # --- what it does
 
     async def run(self) -> NoReturn:
         """Hold the lease, and meanwhile draw pictures and drive."""
         while True:
-            with suppress(ConnectionError):
+            with suppress(*self._ends):
                 async with self._connect("lease") as socket:
                     await socket.send(json.dumps(self._hello))
                     self._hello = {"token": json.loads(await socket.recv())["token"]}
@@ -103,7 +114,7 @@ class Page:
 
     async def _again(self, work: Callable[[], Coroutine[Any, Any, None]]) -> NoReturn:
         while True:
-            with suppress(ConnectionError):
+            with suppress(*self._ends):
                 await work()
             await asyncio.sleep(AGAIN_S)
 
@@ -130,7 +141,7 @@ class Page:
                 self._wheel, self._drives = None, False
 
     async def _listen(self, socket: Connection) -> NoReturn:
-        """What the server refuses is released, as long as the page works."""
+        """Release what is held when the server refuses it, unless the picture is frozen."""
         while True:
             message = json.loads(await socket.recv())
             if message["kind"] == "turn":
@@ -172,7 +183,7 @@ def garbage(chance: Random) -> str:
             f'{{"linear": 1, "angular": 0, "time_s": {number}, "picture": 1}}',
             f'{{"drawn": {number}}}',
             f'{{"challenge": {number}, "response": "0", "stop": 0}}',
-            '{"reset": false}',
+            '{"request": false}',
         )
     )
 
@@ -187,23 +198,10 @@ async def _ignore(socket: Connection) -> NoReturn:
 
 
 async def _until_one_ends(*works: Coroutine[Any, Any, NoReturn]) -> None:
-    """Run works together until one raises an error; raise it.
-
-    Raises:
-        ConnectionError: a connection has ended.
-    """
+    """Run works together until one raises an error; raise it."""
     tasks = [asyncio.ensure_future(work) for work in works]
-    for task in tasks:
-        task.add_done_callback(_error)
     try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        await asyncio.gather(*tasks)
     finally:
         for task in tasks:
             task.cancel()
-    for task in done:
-        task.result()
-
-
-def _error(task: asyncio.Task[Any]) -> BaseException | None:
-    """Return the error with which a task ended, which is thereby not reported as unnoticed; None if it was cancelled."""
-    return None if task.cancelled() else task.exception()

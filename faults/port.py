@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from enum import Enum, StrEnum, auto
 from typing import Generic, Protocol, TypeVar
 
+from faults.page import PageFault
+
 Parameters = dict[str, float | str]
 
 PAGE = "page"
@@ -98,16 +100,9 @@ class Port(Protocol):
         """Step the clock of a node's stamps."""
         ...
 
-    def freeze_picture(self) -> float:
-        """Let the page that drives send the number of one picture with all its commands."""
+    def set_page_fault(self, fault: PageFault) -> float:
+        """Let the page that drives do this wrong, and nothing else."""
         ...
-
-    def send_garbage(self, on: str, seed: int) -> float:
-        """Let the page that drives send garbage on one of `page.CONNECTIONS`."""
-        ...
-
-    def mend_page(self) -> None:
-        """End what the page does wrong."""
 
     async def press_estop(self) -> float:
         """Press the e-stop, and wait for zero; it is not reset before `insist` ends."""

@@ -10,7 +10,7 @@ import logging
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from supervisor.base_record import BaseFile, BaseRecord
 from supervisor.blackbox.people import People
@@ -59,15 +59,10 @@ def black_box(config: SupervisorSection, law: LawConfig, people: People | None =
 
 
 def require_station(document: dict[str, Any], name: str) -> None:
-    """Add a required e-stop station to a configuration that does not name it; its values are checked later."""
-    section = document.setdefault("supervisor", {})
-    if not isinstance(section, dict):
-        return
-    stations = cast("dict[str, Any]", section).setdefault("estop_stations", [])
-    if isinstance(stations, list):
-        tables = [cast("dict[str, Any]", one) for one in cast("list[Any]", stations) if isinstance(one, dict)]
-        if name not in [table.get("name") for table in tables]:
-            cast("list[Any]", stations).append({"name": name})
+    """Add a required e-stop station to a valid configuration that does not name it."""
+    stations = document.setdefault("supervisor", {}).setdefault("estop_stations", [])
+    if name not in [station["name"] for station in stations]:
+        stations.append({"name": name})
 
 
 def main() -> None:
@@ -85,12 +80,13 @@ def main() -> None:
     arguments = parser.parse_args()
     try:
         document = read_document(arguments)
-        if arguments.estop_station is not None:
-            require_station(document, arguments.estop_station)
         models: dict[str, type[Section]] = {"bus": BusSection, "supervisor": SupervisorSection}
         if "sim" in document:  # the base that this supervisor is configured for
             models["sim"] = BaseSection
         sections = read_sections(document, models, fit_to_base)
+        if arguments.estop_station is not None:
+            require_station(document, arguments.estop_station)
+            sections = read_sections(document, models, fit_to_base)
         bus_section, config = sections[BusSection], sections[SupervisorSection]
         contract = config.contract(bus_section.more_keys)
         law = config.law(is_base_known=is_base_known(document), are_mounts_known=is_simulated(document))

@@ -210,7 +210,7 @@ class Launch:
         if topics.ROS2 in self.nodes:
             from deploy.stack import ros2_program  # noqa: PLC0415 - not without [ros2]
 
-            ros2 = ros2_program.shell_command(state, self.config, self.bus)
+            ros2 = shlex.join(ros2_program.with_variables(state, self.config, self.bus))
         return {
             MARK: str(state.path),
             ENVIRONMENT: str(state.path),  # where the supervisor writes its black boxes

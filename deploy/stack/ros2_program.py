@@ -131,15 +131,6 @@ def with_variables(state: StateDir, config: Path, bus: BusConfig, module: str = 
     return ["/usr/bin/env", *words, *command(python, config, bus, module=module)]
 
 
-def shell_command(state: StateDir, config: Path, bus: BusConfig) -> str:
-    """Return the command with its variables for supervisord.conf, as a line of shell words.
-
-    Raises:
-        DeployError: the interpreter is missing, or the state directory is not writable.
-    """
-    return shlex.join(with_variables(state, config, bus))
-
-
 def run(state: StateDir, config: Path, bus: BusConfig, *options: str) -> NoReturn:
     """Replace this process by the ROS 2 process with more options; the process id stays, which systemd needs for its reports.
 

@@ -10,7 +10,7 @@ from random import Random
 from faults.attacks import Attacker, Shot
 from faults.demands import Done
 from faults.injection import DRAWS, LOOK_S
-from faults.page import Page
+from faults.page import PageFault
 from faults.port import End, Fault, Hold, Pillar
 from faults.seen import Asked
 from faults.simulated.scenario import MOVING_LIMIT_S, STRAIGHT_LIMIT_S, Planned
@@ -194,22 +194,10 @@ class Injector:
                 self._stepped[node] = life
         return self.now_s
 
-    def freeze_picture(self) -> float:
-        self._page.freeze_picture(frozen=True)
-        return self.now_s
-
-    def send_garbage(self, on: str, seed: int) -> float:
-        self._page.send_garbage(on, seed)
-        return self.now_s
-
-    def mend_page(self) -> None:
-        self._page.freeze_picture(frozen=False)
-        self._page.send_garbage("", 0)
-
-    @property
-    def _page(self) -> Page:
+    def set_page_fault(self, fault: PageFault) -> float:
         assert self.world.page is not None
-        return self.world.page
+        self.world.page.set_fault(fault)
+        return self.now_s
 
     async def press_estop(self) -> float:
         self.world.may_reset = False

@@ -2,78 +2,43 @@
 
 It takes orders on stdin, one JSON object per line:
 
-    {"keys": "wwa"}                       press keys, as in faults/page.py
-    {"frozen": true}                      freeze the picture; false: no longer
-    {"garbage": "drive", "seed": 7}       send garbage on this connection; "": no longer
+    {"keys": "wwa"}                                       press keys, as in faults/page.py
+    {"frozen": false, "garbage_on": "drive", "seed": 7}   do this wrong, and nothing else: a PageFault
 """
 
 import asyncio
 import signal
 import sys
-from collections.abc import AsyncGenerator, Generator
-from contextlib import asynccontextmanager, contextmanager
 from typing import Any
 from urllib.parse import urlsplit
 
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 from websockets.typing import Origin
 
-from faults.page import Page
+from faults.page import Page, PageFault
 from faults.real.rig.helper_process import serve
-
-
-@contextmanager
-def _connection_errors() -> Generator[None]:
-    try:
-        yield
-    except (WebSocketException, OSError) as error:
-        raise ConnectionError(str(error)) from error
-
-
-class _Socket:
-    def __init__(self, socket: ClientConnection) -> None:
-        self._socket = socket
-
-    async def send(self, text: str) -> None:
-        with _connection_errors():
-            await self._socket.send(text)
-
-    async def recv(self) -> str | bytes:
-        with _connection_errors():
-            return await self._socket.recv()
 
 
 async def _main(address: str) -> None:
     parts = urlsplit(address)
     origin = Origin(f"{parts.scheme}://{parts.netloc}")
 
-    @asynccontextmanager
-    async def opened(name: str) -> AsyncGenerator[_Socket]:
-        with _connection_errors():
-            async with connect(f"ws://{parts.netloc}/{name}", origin=origin, proxy=None) as socket:
-                yield _Socket(socket)
+    def opened(name: str) -> connect:
+        return connect(f"ws://{parts.netloc}/{name}", origin=origin, proxy=None)
 
-    page = Page(opened, parts.fragment)
+    page = Page(opened, parts.fragment, (WebSocketException, OSError))
 
     async def obey(order: dict[str, Any]) -> None:
-        match order:
-            case {"keys": str(keys)}:
-                await page.press(keys)
-            case {"frozen": bool(frozen)}:
-                page.freeze_picture(frozen=frozen)
-            case {"garbage": str(name), "seed": int(seed)}:
-                page.send_garbage(name, seed)
-            case _:
-                raise ValueError(f"no such order: {order!r}")
+        if "keys" in order:
+            await page.press(order["keys"])
+        else:
+            page.set_fault(PageFault(**order))
 
-    driving = asyncio.ensure_future(page.run())
-    serving = asyncio.ensure_future(serve(obey))
-    await asyncio.wait({driving, serving}, return_when=asyncio.FIRST_COMPLETED)
-    for task in (driving, serving):
-        if task.done():
-            task.result()
-        task.cancel()
+    async with asyncio.TaskGroup() as group:
+        driving = group.create_task(page.run())
+        await serve(obey)
+        driving.cancel()
 
 
 if __name__ == "__main__":

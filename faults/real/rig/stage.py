@@ -28,6 +28,7 @@ from deploy.stack.launch import DEFAULT_CONFIG, Launch, free_loopback_endpoint
 from deploy.stack.statedir import StateDir
 from deploy.stack.takedown import Say
 from faults.classes import BY_NAME, Group
+from faults.page import PageFault
 from faults.port import PAGE, End, Hold
 from faults.real.rig import faulty_process
 from faults.real.rig.cable import Cable
@@ -458,20 +459,10 @@ class Stage:
             self.observer.trusts_stamps = False
         return self.order(node, f"clock {by_s}")
 
-    def freeze_picture(self) -> float:
-        return self._order_page({"frozen": True})
-
-    def send_garbage(self, on: str, seed: int) -> float:
-        return self._order_page({"garbage": on, "seed": seed})
-
-    def mend_page(self) -> None:
-        self._order_page({"frozen": False})
-        self._order_page({"garbage": "", "seed": 0})
-
-    def _order_page(self, order: dict[str, str | int | bool]) -> float:
+    def set_page_fault(self, fault: PageFault) -> float:
         self.pid(PAGE)  # without a page, it fails
         now_s = time.monotonic()
-        self.station.order(order)
+        self.station.order(fault._asdict())
         return now_s
 
     async def press_estop(self) -> float:

@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import pytest
-
 from supervisor.__main__ import require_station
 from supervisor.config import SupervisorSection
 
@@ -25,16 +23,3 @@ def test_a_station_is_required_beside_those_of_the_configuration() -> None:
 def test_a_station_that_the_configuration_names_is_as_the_configuration_says() -> None:
     named = {"supervisor": {"estop_stations": [{"name": "phone", "required": False}]}}
     assert stations(named) == [("phone", False)]
-
-
-@pytest.mark.parametrize("wrong", [{"supervisor": 1}, {"supervisor": {"estop_stations": "phone"}}])
-def test_a_configuration_of_wrong_types_stays_as_it_is(wrong: dict[str, Any]) -> None:
-    before = str(wrong)
-    require_station(wrong, "phone")
-    assert str(wrong) == before
-
-
-def test_tables_of_wrong_types_are_refused_and_not_compared() -> None:
-    document: dict[str, Any] = {"supervisor": {"estop_stations": ["phone"]}}
-    require_station(document, "phone")
-    assert document["supervisor"]["estop_stations"] == ["phone", {"name": "phone"}]

@@ -1,6 +1,5 @@
 """How the ROS 2 process is started: its interpreter, its variables, and the packages that it finds."""
 
-import shlex
 import sys
 from pathlib import Path
 
@@ -12,9 +11,9 @@ from deploy.stack.ros2_program import (
     command,
     interpreter,
     link_packages,
-    shell_command,
     unused_ros,
     variables_of,
+    with_variables,
 )
 from deploy.stack.statedir import StateDir
 from wire.bus_config import BusConfig
@@ -126,7 +125,7 @@ def test_the_command_line_is_one_of_shell_words(tmp_path: Path) -> None:
     here = python(home)
     path = config(home, 'python = "env/bin/python"')
     bus = BusConfig("tcp/127.0.0.1:2222")
-    words = shlex.split(shell_command(StateDir(home), path, bus))
+    words = with_variables(StateDir(home), path, bus)
     assert words == ["/usr/bin/env", f"PYTHONPATH={home / 'packages'}", *command(here, path, bus)]
     assert words[2:] == [
         *(str(here), "-m", "ros2", "--config", str(path), "--endpoint", "tcp/127.0.0.1:2222")
