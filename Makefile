@@ -10,7 +10,7 @@ DRIVE_STAMP := .venv/.made-to-drive
 ROS2_STAMP := .ros2/.made-from-lock
 RMW_ZENOH_STAMP := .rmw-zenoh/.made-from-lock
 PEERS_STAMP := .peers/.made-from-lock
-# The wheel has axe-core; the packages on which it depends are not needed.
+# This package contains axe-core; its dependencies are not needed.
 AXE := .axe/axe_playwright_python/axe.min.js
 
 # Use the machine's Python: uv must not download one.
@@ -42,7 +42,7 @@ ros2: $(ROS2_STAMP) ## create the environment .ros2 with rclpy, in which `python
 
 # With LIFELINE_UNDER_MAKE, it exits with 0, or make would add `Error 2` to its sentence.
 run: $(DRIVE_STAMP) ## drive the robot by keyboard; without a terminal, play the demo
-	@if [ -t 0 ] && [ -t 1 ]; then echo "lifeline: to drive in a browser instead: .venv/bin/lifeline up --station --drive"; exec env LIFELINE_UNDER_MAKE=1 .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
+	@if [ -t 0 ] && [ -t 1 ]; then echo "lifeline: to drive in a browser instead, run .venv/bin/lifeline up --station --drive"; exec env LIFELINE_UNDER_MAKE=1 .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
 test: $(STAMP) ## run the checks and the tests, also with real processes; each commit must pass them (five minutes)
 	$(COMPILE)

@@ -35,7 +35,7 @@ SILENT_BOUND_S = COMMAND_TIMEOUT_S + TICK_S
 BLIND_BOUND_S = SCAN_TIMEOUT_S + TICK_S
 HUNG_BASE_BOUND_S = BASE_TIMEOUT_S + TICK_S
 PAGE_BOUND_S = PRESENCE_PERIOD_S + BEAT_S + KILL_LIMIT_S
-"""From the decision to send garbage: the next message of the connection, and the next command of the page, on which the server acts."""
+"""After the page's decision to send garbage: its next message is garbage, and the server acts at its next command at the latest."""
 PICTURE_BOUND_S = STALE_S + BEAT_S
 
 

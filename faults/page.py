@@ -1,7 +1,7 @@
-"""A page that drives, without a browser: it does what station/page does, over connections that each campaign opens in its own way.
+"""A page that drives, without a browser: it sends the messages of station/page over connections that the campaign opens.
 
-It pairs, holds the lease, draws pictures, and drives while something is held. Its person presses Drive again after each loss of
-a connection.
+It pairs, holds the lease, confirms pictures, and drives while keys are held. After each loss of a connection, it asks to drive
+again.
 """
 
 import asyncio
@@ -25,7 +25,7 @@ NOTHING = (0.0, 0.0)
 NAME = json.dumps({"name": "operator"})
 """Of the person: the server lets nobody drive without a name."""
 LEASE = json.dumps({"challenge": "1", "response": "0", "stop": False})
-"""Of a station that the supervisor does not know, and therefore does not challenge."""
+"""The station is not in the configuration, so the supervisor sends no challenges."""
 CONNECTIONS = ("lease", "picture", "drive")
 """The websockets of a page."""
 MAX_GARBAGE = 600
@@ -45,7 +45,7 @@ Connect = Callable[[str], AbstractAsyncContextManager[Connection]]
 
 
 class PageFault(NamedTuple):
-    """What a page does wrong; by default nothing."""
+    """The faulty behaviour of a page; by default none."""
 
     frozen: bool = False
     """It sends the number of one picture with all its commands, and ignores the answers of the server."""
@@ -75,9 +75,9 @@ class Page:
         self.set_fault(PageFault())
         self._wheel: Connection | None = None
         self._drives = False
-        """Whether the server lets it drive; until then, it holds nothing."""
+        """Whether the server lets it drive; until then, keys have no effect."""
 
-    # --- what happens to it
+    # --- inputs
 
     async def press(self, keys: Collection[str]) -> None:
         """Press keys of teleop: w, x, a and d change what is held, s and r release it, and r resets the e-stop; others do nothing."""
@@ -85,21 +85,21 @@ class Page:
             linear, angular = KEYS.get(key, NOTHING)
             held = (_share(self._held[0] + linear), _share(self._held[1] + angular))
             self._held = held if self._drives and key not in RELEASING_KEYS else NOTHING
-        with suppress(*self._ends):  # the works of the page notice it, too
+        with suppress(*self._ends):  # the tasks of the page handle it
             await self._command()
             if "r" in keys:
                 await self._send({"request": "reset"})
 
     def set_fault(self, fault: PageFault) -> None:
-        """Do this wrong from now on, and nothing else."""
+        """Replace the faulty behaviour of the page."""
         self._stale_number = self._number if fault.frozen else None
         self._garbage_on = fault.garbage_on
         self._random = Random(fault.seed)  # noqa: S311 - the garbage must be repeatable
 
-    # --- what it does
+    # --- behaviour
 
     async def run(self) -> NoReturn:
-        """Hold the lease, and meanwhile draw pictures and drive."""
+        """Hold the lease, confirm pictures and drive."""
         while True:
             with suppress(*self._ends):
                 async with self._connect("lease") as socket:

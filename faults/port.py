@@ -101,7 +101,7 @@ class Port(Protocol):
         ...
 
     def set_page_fault(self, fault: PageFault) -> float:
-        """Let the page that drives do this wrong, and nothing else."""
+        """Replace the faulty behaviour of the page that drives."""
         ...
 
     async def press_estop(self) -> float:

@@ -11,7 +11,7 @@ from wire.text import printable
 
 
 def sentence_of(launch: Launch, file: Path, authority: Path | None) -> str:
-    """Return what a passport shows, if it is signed, and of this robot's configuration.
+    """Return the first sentence of a passport that is signed and was measured with this robot's configuration.
 
     Args:
         launch: the robot.
@@ -19,7 +19,7 @@ def sentence_of(launch: Launch, file: Path, authority: Path | None) -> str:
         authority: a directory or file with the certificate of the authority that is trusted; None: the robot's bundle.
 
     Raises:
-        DeployError: the passport cannot be verified, or is of another configuration.
+        DeployError: the passport cannot be verified, or was measured with another configuration.
     """
     authority = authority or launch.bus.keys
     if authority is None:
@@ -38,6 +38,6 @@ def sentence_of(launch: Launch, file: Path, authority: Path | None) -> str:
         raise DeployError(f"cannot read {launch.config}: {error.strerror}") from error
     if found.configuration_sha256 != hashlib.sha256(configuration).hexdigest():
         raise DeployError(
-            f"{file} is of another configuration than {launch.config}: measure this robot again"
+            f"{file} was measured with another configuration than {launch.config}: measure this robot again"
         )
     return printable(found.shows)

@@ -128,7 +128,7 @@ class Bases(NamedTuple):
     unheard: Base
     """Straight, while the operator's program does not hear the supervisor: only the end of its link stops the robot."""
     unheard_alone: Base
-    """The same without Lifeline: nothing notices the end of the link, so the timeout of the base begins then."""
+    """The same without Lifeline: the timeout of the base begins only when the link ends."""
 
     def of(self, plan: Plan) -> Base:
         if plan.fault is Fault.LINK_CUT_DOWN:

@@ -130,7 +130,7 @@ def measure(file: Path, launch: Launch, state: StateDir, running: Launch | None,
 
 
 def _without(robot: Robot, state: StateDir, orders: Orders) -> Without:
-    """Return what takes the place of Lifeline's processes.
+    """Return what replaces Lifeline's processes.
 
     Raises:
         DeployError: the robot, or one of the faults, cannot be measured without Lifeline.

@@ -35,7 +35,7 @@ class Written(NamedTuple):
     shows: str
     """What the measurement shows, in one sentence."""
     configuration_sha256: str
-    """Of the robot's configuration when it was measured."""
+    """Of the configuration with which the robot was measured."""
 
 
 def report(file: Path, out: Path, keys: Path | None) -> Written:

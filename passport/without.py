@@ -1,4 +1,4 @@
-"""Takes the place of Lifeline's processes by programs that judge nothing, and gives it back."""
+"""Replaces Lifeline's processes by programs that judge nothing, and starts them again."""
 
 import asyncio
 
@@ -15,7 +15,7 @@ STOP_LIMIT_S = 6.0
 """For the end of a process: more than the stopwaitsecs of supervisord.conf."""
 END_LIMIT_S = 1.0
 START_LIMIT_S = STOP_LIMIT_S + 1.0
-"""Of a process that may still be ending."""
+"""For the start of a process that may still be ending."""
 
 
 class Without:
@@ -31,7 +31,7 @@ class Without:
         self._launch, self._state = launch, state
         self._sources = sources
         self._replaced = [topics.SUPERVISOR, *(name for name in launch.nodes if name == topics.ROS2)]
-        """The processes whose place is taken; the hub first."""
+        """The processes that are replaced; the hub first."""
         self._stopped: list[str] = []
         """Those that supervisord was asked to stop."""
         self._children: list[Child] = []
@@ -50,7 +50,7 @@ class Without:
         return None
 
     def _commands(self) -> list[list[str]]:
-        """Return the command lines of the programs that take the place of the processes, in the order of `_replaced`.
+        """Return the command lines of the programs that replace the processes, in the order of `_replaced`.
 
         Raises:
             DeployError: of a ROS 2 robot, the interpreter is missing, or the state directory is not writable.
@@ -88,7 +88,7 @@ class Without:
             answer = await child.first_line()
             if answer != READY:
                 raise InjectionError(
-                    f"what takes the place of the process {name} cannot run: {answer or 'it has ended'}"
+                    f"the program in place of the process {name} cannot run: {answer or 'it has ended'}"
                 )
 
     async def end(self) -> bool:

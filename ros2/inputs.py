@@ -1,6 +1,6 @@
 """What the robot sends to the supervisor: its scans, its odometry and presses of its e-stop.
 
-They pass on the node's thread, as bytes.
+Messages pass as bytes, on the node's thread.
 """
 
 from collections.abc import Callable

@@ -1,6 +1,6 @@
-"""One person at a time drives the robot, as a command source like any other; others ask, and get the wheel in this order.
+"""One person at a time drives the robot, as a command source like any other; others ask, and drive in this order.
 
-A driver hands over, or loses the wheel after `IDLE_S` without a request for motion: whoever asks waits no longer than this.
+A driver hands over, or loses control after `IDLE_S` without a request for motion: the next person waits no longer for an idle driver.
 Every command is one message of the page, sent on at once, with the page's own time as its stamp: the server repeats nothing, and
 renews no age. A command must carry the number of the newest picture that the page has drawn; if that picture is too old, zero is
 sent instead, until the page itself has sent zero. The source ends with the page's connection.
@@ -19,8 +19,8 @@ STALE_S = 0.3
 MAX_PICTURES = 64
 """The numbers that are remembered; a page draws at most 20 a second."""
 IDLE_S = 30.0
-"""A driver who requests no motion for longer loses the wheel: enough to look around, to read that another person asks and to
-touch the stick; and short enough to wait for a driver who has left the page open."""
+"""A driver who requests no motion for longer loses control. This is long enough to look around, to read a request and to touch
+the stick, and short enough to wait for a driver who has left the page open."""
 
 
 class Wheel(Protocol):
@@ -43,7 +43,7 @@ class Wheel(Protocol):
         ...
 
     def tell(self, page: object, act: str) -> None:
-        """Keep what a person at a page did, for the incidents; a page displaces only its own acts."""
+        """Keep the report of what a person at a page did, for the black box; a page displaces only its own reports."""
         ...
 
 
@@ -196,7 +196,7 @@ class Driving:
         return await self._wheel.reset()
 
     def ending(self, person: Person, now_s: float, *, hands_over: bool) -> str:
-        """Return why a driver's turn ends now, as a sentence; empty: it goes on. The caller then lets the person leave."""
+        """Return in a sentence why a driver's turn ends now, and the caller must call `leave`; empty: the turn continues."""
         if self._driver is not person:
             return ""
         if now_s - person.moved_s > IDLE_S:
@@ -220,7 +220,7 @@ class Driving:
         return messages.turn(sentence, drives=True, is_asked=asker != "")
 
     def leave(self, person: Person) -> None:
-        """End the turn or the question of a person; a driver's run ends at once."""
+        """End the turn or the request of a person; a driver's run ends at once."""
         self._people.remove(person)
         if self._driver is person:
             self._driver = None

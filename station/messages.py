@@ -21,7 +21,7 @@ MAX_MESSAGE_BYTES = 512
 MAX_SECRET = 64
 """Characters of a code or a token."""
 MAX_NAME = 24
-"""Characters of a person's name; a websocket's closing reason with it has at most 123 bytes."""
+"""Characters of a person's name. It is part of the reason that closes a websocket, which has at most 123 bytes."""
 BLANK = re.compile(r"[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u2800\u3164\ufe00-\ufe0f\uffa0]")
 """Characters that count as printable and show nothing: a name of them alone would name nobody."""
 MAX_NUMBER = (1 << 64) - 1
@@ -113,12 +113,12 @@ def read_wanted(text: str) -> Wanted | str:
 
 
 def told(sentence: str) -> str:
-    """Return what a page that drives, or wants to, is told; an empty text: its commands are sent on."""
+    """Return the answer to a command, as a message: why it was refused; empty: it was sent on."""
     return json.dumps({"kind": "told", "sentence": sentence})
 
 
 def turn(sentence: str, *, drives: bool, is_asked: bool) -> str:
-    """Return whether a page drives or waits, whether another one asks it to hand over, and a sentence about both."""
+    """Return the turn of a page, as a message: whether it drives, whether another person asks it to hand over, and a sentence."""
     return json.dumps({"kind": "turn", "sentence": sentence, "drives": drives, "asked": is_asked})
 
 

@@ -22,7 +22,7 @@ class Session:
     token: str
     ends_s: float
     name: str = ""
-    """Of the person, as the page says; empty: unknown."""
+    """The name of the person, as the page reports it; empty: unknown."""
 
 
 class Pairing:

@@ -246,7 +246,7 @@ class Application:
             visitor.leave(asyncio.get_running_loop().time())
 
     async def _drive(self, socket: Socket, visitor: Visitor) -> None:
-        """Let a page ask to drive, and drive, that holds its lease now, until the connection ends, or the server ends it with an error."""
+        """Let a page that holds its lease ask to drive and drive, until the connection ends, or the server ends it with an error."""
         session = await self._session(socket)
         if self._driving is None:
             raise NO_DRIVING

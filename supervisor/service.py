@@ -307,7 +307,7 @@ class SupervisorService:
             self._estop_record.by = ""
 
     def _ask_people(self, by: str = "", act: str = "") -> None:
-        """Keep an act for the black box, if there is one, and ask soon who did what."""
+        """Keep an act for the black box, unless it is empty, and ask the programs soon what people did."""
         if self._people is not None:
             if act:
                 self._people.note(by, act)

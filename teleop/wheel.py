@@ -10,7 +10,7 @@ from wire.text import printable
 
 RESET_LIMIT_S = 1.0
 MAX_ACTS = 6
-"""How much of what people did is reported to the supervisor, which asks after each change."""
+"""The newest reports of what people did, for the supervisor, which asks after each change."""
 MAX_OF_PAGE = 3
 """Of these, from one page: whatever it repeats, what people did at other pages is still reported."""
 

@@ -74,7 +74,7 @@ class Screen:
 
 
 class TypedTeleop:
-    """A process of teleop, or of another program with keys. Its keys and its screen are two terminals, which can be closed separately.
+    """The process of teleop, or of another program that reads keys. Its keys and its screen are two terminals, which can be closed separately.
 
     It is spawned, not forked: a fork would inherit this process's Zenoh session.
 

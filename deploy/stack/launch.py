@@ -76,9 +76,9 @@ class Launch:
     station: tuple[str, ...] = ()
     """The command line of an e-stop station's page that runs beside the nodes; empty: none."""
     station_name: str = ""
-    """Its name: the supervisor requires it, unless the configuration names it."""
+    """The name of this station. If the configuration does not name it, the supervisor requires it."""
     drives_on_page: bool = False
-    """Whether this page drives, and not teleop."""
+    """Whether this page drives instead of teleop."""
 
     @classmethod
     def read(

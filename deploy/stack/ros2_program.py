@@ -5,7 +5,6 @@ another version of Python.
 """
 
 import os
-import shlex
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
@@ -23,7 +22,7 @@ from wire.host.config import ConfigError, absolute, read_toml, section
 from wire.host.installation import checkout
 
 PACKAGES = ("ros2", "wire", "passport")
-"""What the programs in that interpreter import; of the passport, only what takes the place of the ROS 2 process."""
+"""The packages that programs in that interpreter import. Of `passport`, this is only the program that replaces the ROS 2 process."""
 ROOT = Path(__file__).resolve().parents[2]
 """Where Lifeline's packages are: the checkout, or `site-packages`."""
 ALL_ROS = Path("/opt/ros")
@@ -120,7 +119,7 @@ def link_packages(state: StateDir) -> Path:
 
 
 def with_variables(state: StateDir, config: Path, bus: BusConfig, module: str = topics.ROS2) -> list[str]:
-    """Return the command line of the ROS 2 process, or of another module in its interpreter, which also sets its variables.
+    """Return the command line of the ROS 2 process, or of another module in its interpreter, with its environment variables.
 
     Raises:
         DeployError: the interpreter is missing, or the state directory is not writable.

@@ -41,7 +41,7 @@ START_LIMIT_S = 20.0
 FETCH_LIMIT_S = 180.0
 ANSWER_LIMIT_S = 3.0
 STARTED = {"STARTING", "RUNNING"}
-"""The states of a program that runs."""
+"""The states of a program that runs or is starting."""
 DO_NOT_WAIT = False
 """The argument `wait` of supervisord's calls."""
 
@@ -213,9 +213,9 @@ def stop_program(state: StateDir, name: str) -> bool:
 
 
 def start_program(state: StateDir, name: str) -> bool:
-    """Ask supervisord to start a program that is stopped; return whether it runs, or will soon.
+    """Ask supervisord to start a program that is stopped; return whether it runs or is starting.
 
-    supervisord also confirms the start of a program that is still ending, and forgets it: ask again until it runs.
+    supervisord also accepts the start of a program that is still ending, but does not start it: repeat this call until it returns True.
     """
     _ask(state, "supervisor.startProcess", name, DO_NOT_WAIT)
     return any(one.name == name and one.state in STARTED for one in programs(state) or [])

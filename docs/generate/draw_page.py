@@ -1,6 +1,6 @@
 """Draws docs/images/page.png: `python -m docs.generate.draw_page`.
 
-The picture is a real one: supervisor, simulator and the page's server run, and the page of a browser drives the robot.
+The picture is a screenshot: supervisor, simulator and the page's server run, and a page in a browser drives the robot.
 It needs Debian's package chromium.
 """
 
@@ -16,9 +16,9 @@ from tests.system.test_station_drive import drives, key, wheel
 
 IMAGE = Path(__file__).parents[1] / "images" / "page.png"
 WIDTH_PX, HEIGHT_PX = 1000, 640
-"""Of a tablet that is held across."""
-WAY_M = 1.0
-"""The picture is taken after this way."""
+"""A tablet in landscape."""
+DISTANCE_M = 1.0
+"""The robot drives this distance before the screenshot."""
 
 
 async def _draw(directory: Path) -> None:
@@ -32,7 +32,7 @@ async def _draw(directory: Path) -> None:
         )
         await drives(robot, tab, lambda: key(tab, "KeyW", down=True))
         began_m = robot.x_m
-        await robot.until(lambda: abs(robot.x_m - began_m) > WAY_M, "its way")
+        await robot.until(lambda: abs(robot.x_m - began_m) > DISTANCE_M, "the distance")
         shot = await tab.do("Page.captureScreenshot", format="png")
         picture = Image.open(io.BytesIO(base64.b64decode(shot["data"])))
         picture.convert("RGB").save(IMAGE, optimize=True)

@@ -225,7 +225,7 @@ def measure(robot: str, runs: int, faults: Sequence[str], only_record: Path | No
         robot: of `ROBOTS`.
         runs: of each cell.
         faults: only these; empty: all.
-        only_record: the record, if no page is to be written.
+        only_record: the file of the record, if only the measurement is wanted; None: also write the page.
 
     Raises:
         DeployError: it was not measured to the end.

@@ -51,7 +51,7 @@ MIXED = (Drivers.TELEOP, Drivers.STUBBORN, Drivers.BOTH)
 """The sources of the trials that mix classes of faults."""
 
 BY_PAGE_REST = 2
-"""Seeds that end in 2 mix the classes while a page drives. All else is as if another source drove."""
+"""In mixed trials whose seed ends in 2, a page drives. Everything else is drawn as for another source."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,6 @@
 """The server of a station on the virtual clock: the real application, to which a page opens simulated websockets.
 
-HTTP, TLS, the limits for strangers, the content of the pictures and the browser are not simulated, and no link to the page fails slowly.
+Not simulated: HTTP, TLS, the limits for unpaired connections, the content of the pictures, the browser, and a slow link to the page.
 """
 
 import asyncio
@@ -32,7 +32,7 @@ class End:
 
     Args:
         network: gives the time of a message.
-        bus: that of the process whose end it is.
+        bus: the bus of the process at this end.
     """
 
     def __init__(self, network: VirtualNetwork, bus: VirtualBus) -> None:
@@ -62,7 +62,7 @@ class End:
 
 
 class _Painter:
-    """Pictures that show nothing but the age of the scan, which is all that the server checks."""
+    """Pictures with the age of the scan only: the server checks nothing else."""
 
     def __init__(self, bus: VirtualBus) -> None:
         self._scans = bus.subscribe(topics.SCAN)
@@ -78,7 +78,7 @@ class _Painter:
 
 
 class _Visitor:
-    """A connection whose bytes nobody counts."""
+    """A connection without a limit of time and bytes."""
 
     def stay(self) -> None: ...
 

@@ -13,7 +13,7 @@ const now_s = () => performance.now() / 1000;
 
 let token = ""; // empty: this page may not drive now
 let socket = null;
-let isTaken = false; // whether the server lets this page drive; until then, it asks, and its heartbeat is zero
+let isTaken = false; // whether the server lets this page drive; until then, it asks, and sends zero
 let wish = wishes.NOTHING;
 let sent_s = -Infinity;
 let sentZero = true;

@@ -185,7 +185,7 @@ function drawChart(pen, velocity, left, top, width, height, ink) {
   while (now_s - chart[0][0] > CHART_S) chart.shift();
   const middle = top + height / 2;
   const up = (height / 2 - 6) / robot.most[0];
-  pen.fillStyle = ink.ground; // over what of the map is there
+  pen.fillStyle = ink.ground; // covers the map below the chart
   pen.fillRect(left, top, width, height);
   pen.strokeStyle = ink.line;
   pen.lineWidth = 0.5;

@@ -1,7 +1,7 @@
-"""What people did, for the black box: who drove, asked, took over, stopped and reset, as their programs report it.
+"""What people did, for the black box: who drove, asked, handed over, pressed the e-stop and reset it, as their programs report it.
 
-The supervisor asks the programs behind the command sources (`<source>/holder`) after each change. It asks nobody twice at the
-same time, and at most once in `PERIOD_S`, whatever the programs do. The answers decide nothing: they are foreign text.
+The supervisor calls the services `<source>/holder` of the command sources after each change: one call of each at a time, and
+at most one in `PERIOD_S`. The answers are foreign text, and no input of the law.
 """
 
 import asyncio
@@ -78,6 +78,6 @@ class People:
             self.note(source, answer.message)
 
     def close(self) -> None:
-        """Ask nobody any more."""
+        """Stop asking."""
         if self._asking is not None:
             self._asking.cancel()

@@ -102,7 +102,7 @@ async def test_an_incident_names_who_drove_asked_took_over_stopped_and_reset(tmp
             assert act in told
 
 
-async def test_a_station_that_is_killed_has_named_its_driver_before(tmp_path: Path) -> None:
+async def test_the_driver_of_a_station_that_is_killed_is_in_the_incident(tmp_path: Path) -> None:
     rig, writer = Rig(), WriterAtOnce(tmp_path)
     async with robot(rig, writer):
         station = Station(rig)

@@ -18,14 +18,14 @@ pytestmark = [
     pytest.mark.timed,  # Chromium uses the whole machine
 ]
 
-GRAVE = {"serious", "critical"}
+SERIOUS = {"serious", "critical"}
 RUN = """axe.run(document, { resultTypes: ["violations"] }).then((found) => found.violations.map((one) =>
     ({ id: one.id, impact: one.impact, nodes: one.nodes.map((node) => node.failureSummary + " " + node.html) })))"""
 
 
-async def grave_faults(tab: Tab) -> list[dict[str, Any]]:
+async def serious_violations(tab: Tab) -> list[dict[str, Any]]:
     found = await tab.evaluate(RUN)
-    return [one for one in found if one["impact"] in GRAVE]
+    return [one for one in found if one["impact"] in SERIOUS]
 
 
 async def show_in(tab: Tab, scheme: str) -> None:
@@ -33,7 +33,7 @@ async def show_in(tab: Tab, scheme: str) -> None:
     await tab.waits_for(f"matchMedia('(prefers-color-scheme: {scheme})').matches")
 
 
-async def test_a_page_has_no_grave_fault_of_accessibility_in_light_and_dark(tmp_path: Path) -> None:
+async def test_a_page_has_no_serious_violation_of_accessibility_in_light_and_dark(tmp_path: Path) -> None:
     """It watches, drives, and is pressed."""
     async with watched(tmp_path, teleop=False, drives=True) as (_, server, _, tab):
         await tab.evaluate(AXE.read_text(encoding="utf-8") + ";0")
@@ -41,7 +41,7 @@ async def test_a_page_has_no_grave_fault_of_accessibility_in_light_and_dark(tmp_
         async def check(state: str) -> None:
             for scheme in ("light", "dark"):
                 await show_in(tab, scheme)
-                assert await grave_faults(tab) == [], (state, scheme)
+                assert await serious_violations(tab) == [], (state, scheme)
 
         await check("watches")
         await takes(tab)
@@ -60,4 +60,4 @@ async def test_axe_finds_a_button_without_a_name(tmp_path: Path) -> None:
     async with watched(tmp_path, teleop=False) as (_, _, _, tab):
         await tab.evaluate(AXE.read_text(encoding="utf-8") + ";0")
         await tab.evaluate("document.body.append(document.createElement('button'))")
-        assert "button-name" in {one["id"] for one in await grave_faults(tab)}
+        assert "button-name" in {one["id"] for one in await serious_violations(tab)}

@@ -3,7 +3,7 @@
 It takes orders on stdin, one JSON object per line:
 
     {"keys": "wwa"}                                       press keys, as in faults/page.py
-    {"frozen": false, "garbage_on": "drive", "seed": 7}   do this wrong, and nothing else: a PageFault
+    {"frozen": false, "garbage_on": "drive", "seed": 7}   replace the faulty behaviour: a PageFault
 """
 
 import asyncio

@@ -75,7 +75,7 @@ class Route(StrEnum):
     CABLE = "cable"
     """From a separate network namespace; teleop only."""
     STATION = "station"
-    """A page drives through the server of a station; teleop's place only."""
+    """A page drives through the server of a station; only in place of teleop."""
 
 
 class StageError(DeployError):
@@ -154,7 +154,7 @@ class Stage:
 
     @property
     def operator(self) -> TypedTeleop | StationOperator:
-        """What takes the operator's keys."""
+        """The program that takes the operator's keys."""
         assert self._operator is not None
         return self._operator
 

@@ -38,8 +38,8 @@ class StationOperator:
         self._opening = asyncio.ensure_future(self._open(""))
 
     async def _open(self, before: str) -> None:
-        """Open a page as soon as the server prints another address than the one before."""
-        while (address := self._address) in ("", before):  # noqa: ASYNC110 - nothing tells it
+        """Open a page when the server prints an address other than `before`."""
+        while (address := self._address) in ("", before):  # noqa: ASYNC110 - no event announces it
             await asyncio.sleep(POLL_S)
         self._start_page(address)
 
@@ -63,12 +63,12 @@ class StationOperator:
 
     @property
     def pid(self) -> int:
-        """Of the server."""
+        """The process id of the server."""
         return self._server.pid
 
     @property
     def page_pid(self) -> int | None:
-        """Of the page; None before it is opened, and after its end."""
+        """The process id of the page; None before it is opened, and after its end."""
         return self._page.pid if self._page is not None and self._page.poll() is None else None
 
     @property

@@ -88,7 +88,7 @@ def no_passport(launch: Launch, keys: Path) -> str:
         (of_another_authority, "authority"),
         (
             of_an_older_configuration,
-            "is of another configuration than .*robot.toml: measure this robot again",
+            "was measured with another configuration than .*robot.toml: measure this robot again",
         ),
         (of_a_removed_configuration, "cannot read .*robot.toml"),
         (without_an_authority, "name its certificate with --authority"),

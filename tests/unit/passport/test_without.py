@@ -115,7 +115,7 @@ async def test_processes_that_are_still_ending_when_the_measurement_is_interrupt
     assert tuple(stack.started) == both
 
 
-async def test_without_a_beginning_there_is_nothing_to_end(
+async def test_an_end_without_a_beginning_starts_no_process(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stack = SlowStack(monkeypatch)

@@ -198,7 +198,7 @@ async def test_a_hand_over_ends_the_permission_at_once_and_the_next_person_begin
     ]
 
 
-async def test_a_question_is_never_answered_by_itself_while_the_driver_drives() -> None:
+async def test_a_request_never_ends_the_turn_of_a_driver_who_moves_the_robot() -> None:
     _, driving, anna, _ = await asked()
     driving.hear(anna, ZERO_WANTED, None, 100.0)
     for second in range(1, 300):
