@@ -107,6 +107,7 @@ class Page:
                 message = json.loads(text)
                 if message["kind"] == "welcome":
                     self.token = message["token"]
+                    await self.rename("Anna")
                 elif message["kind"] == "view":
                     self.view = message
                 else:
@@ -114,6 +115,10 @@ class Page:
                     self.lease = received(self.lease, EstopLease(challenge, response, stop=message["stop"]))
                 if not self.hangs:
                     await self.send()
+
+    async def rename(self, person: str) -> None:
+        """Send the name of the person."""
+        await self.socket.send(json.dumps({"name": person}))
 
     async def send(self) -> None:
         self.lease, message = sent(self.lease, next(CHALLENGES), asyncio.get_running_loop().time())

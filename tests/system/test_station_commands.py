@@ -23,7 +23,7 @@ from wire import topics
 
 pytestmark = pytest.mark.timeout(180)
 
-BAD_MESSAGE, NOT_PAIRED, NO_DRIVING, SILENT, HELD = 4400, 4401, 4405, 4408, 4423
+BAD_MESSAGE, NOT_PAIRED, NO_NAME, NO_DRIVING, SILENT, HELD = 4400, 4401, 4403, 4405, 4408, 4423
 BEAT_S = 0.03
 SLOW_M_S = 0.1
 
@@ -102,7 +102,7 @@ async def drives(subject: Robot, one: Hands) -> None:
     async def attempt() -> None:
         await one.rest()
         if {ESTOP, LOST} & set(subject.status.reasons):
-            await one.commands.send(json.dumps({"reset": True}))
+            await one.commands.send(json.dumps({"request": "reset"}))
         await subject.ready(PATIENCE_S / 4)
         one.linear = 0.4
         await subject.until(lambda: subject.status.permitted.linear.x > SLOW_M_S, "motion", PATIENCE_S / 4)
@@ -158,7 +158,7 @@ async def test_a_page_that_has_never_drawn_a_picture_does_not_drive(tmp_path: Pa
         '{"linear": "1", "angular": 0, "time_s": 1e6, "picture": 1}',
         '{"linear": 0.1, "angular": 0, "time_s": 1e6}',
         '{"linear": 0.1, "angular": 0, "time_s": -1, "picture": 1}',
-        '{"reset": 1}',
+        '{"request": 1}',
     ],
 )
 async def test_a_message_that_is_no_command_ends_the_driving(tmp_path: Path, text: str) -> None:
@@ -196,21 +196,27 @@ async def test_no_command_is_sent_on_after_the_end_of_the_pages_lease(tmp_path: 
         await subject.never(lambda: heard.take() != [], "a command", 0.3)
 
 
-async def test_a_second_page_is_told_that_another_one_drives(tmp_path: Path) -> None:
+async def test_a_second_page_waits_until_the_first_one_ends_driving(tmp_path: Path) -> None:
     async with driver(tmp_path) as (_, server, _, one), server.page() as other:
         await until(lambda: one.told == [""] and other.token != "")
-        async with server.socket(path="drive") as commands:
-            await commands.send(json.dumps({"token": other.token}))
-            assert await closing_code(commands) == HELD
-            assert commands.close_reason == "Another page drives."
-        assert one.commands.close_code is None
+        await other.rename("Ben")
+        async with hands(server, other, watches=False) as asking:
+            await until(lambda: any(told.startswith("You asked Anna") for told in asking.told))
+            assert one.commands.close_code is None
+            assert one.told[-1].startswith("Ben asks to drive.")
+            await one.commands.close()
+            await until(lambda: asking.told[-1] == "")
 
 
-async def test_only_a_paired_page_of_its_own_server_drives_and_only_with_drive(tmp_path: Path) -> None:
-    async with served(tmp_path, drives=True) as (subject, server), server.heard_page(subject):
-        async with server.socket(path="drive") as guest:
-            await guest.send(json.dumps({"token": "guessed"}))
-            assert await closing_code(guest) == NOT_PAIRED
+async def test_only_a_paired_page_with_a_name_and_of_its_own_server_drives_and_only_with_drive(
+    tmp_path: Path,
+) -> None:
+    async with served(tmp_path, drives=True) as (subject, server), server.heard_page(subject) as page:
+        await page.rename("")
+        for token, code in (("guessed", NOT_PAIRED), (page.token, NO_NAME)):
+            async with server.socket(path="drive") as guest:
+                await guest.send(json.dumps({"token": token}))
+                assert await closing_code(guest) == code
         with pytest.raises(InvalidStatus):
             async with server.socket(origin="http://elsewhere:1", path="drive"):
                 pass
@@ -229,11 +235,10 @@ async def test_a_page_does_not_drive_beside_a_teleop_and_says_who_drives(tmp_pat
         server.heard_page(subject) as page,
     ):
         await subject.connected()
-        async with server.socket(path="drive") as commands:
-            await commands.send(json.dumps({"token": page.token}))
-            assert await closing_code(commands) == HELD
-            assert commands.close_reason is not None
-            assert commands.close_reason.startswith("The robot is driven by the teleop of")
+        async with hands(server, page, watches=False) as one:
+            assert await asyncio.wait_for(one.closed(), PATIENCE_S) == HELD
+            assert one.commands.close_reason is not None
+            assert one.commands.close_reason.startswith("The robot is driven by the teleop of")
 
 
 async def test_beside_a_robot_whose_configuration_names_no_station_a_page_drives_and_ctrl_c_stops_everything() -> (
