@@ -275,12 +275,13 @@ class Application:
                 heard = messages.read_wanted(await socket.read(COMMAND_LIMIT_S))
                 if session not in self._runs:  # its lease may have ended while it was read
                     return
-                allowance.spend(loop.time())
-                if problem := await driving.take(person, loop.time()):
+                heard_s = loop.time()
+                allowance.spend(heard_s)
+                if problem := await driving.take(person, heard_s):
                     raise ClosingError(4423, problem.encode()[:MAX_REASON].decode(errors="ignore"))
                 self._relay.driver = driving.driver
                 if isinstance(heard, Wanted):
-                    problem = driving.hear(person, heard, self._pictures.get(session), loop.time())
+                    problem = driving.hear(person, heard, self._pictures.get(session), heard_s)
                     if problem != told:
                         told = problem
                         socket.show("told", messages.told(problem))
