@@ -87,13 +87,14 @@ def results(found: Findings, lidar: NamedLidarSection) -> list[Result]:
     yaw_rad = yaw.value if yaw.is_determined else lidar.yaw_rad
     late = latency if latency.is_determined else Estimate(0.0, 0.0, 0)
     late_s = max(0.0, late.value)
-    scale = direction.scale if direction.scale.is_determined else Estimate(1.0, 0.0, 0)
-    steady = found.steady_scale(late_s, yaw_rad)
+    scale, steady = direction.scale, found.steady_scale(late_s, yaw_rad)
     if abs(steady.value - scale.value) > math.hypot(
         steady.u95, scale.u95
-    ):  # the wheels slip at starts and stops
+    ):  # the wheels slip at starts and stops, which is not part of the scale
         scale = steady
-    base = brakes(found.stops(scale.value, late_s, yaw_rad), scale.u95 / abs(scale.value), late.u95)
+    stopping = scale if scale.is_determined else Estimate(1.0, 0.0, 0)
+    stops = found.stops(stopping.value, late_s, yaw_rad)
+    base = brakes(stops, stopping.u95 / abs(stopping.value), late.u95)
     if yaw.is_determined:  # written near the configured value, not a full turn away
         near_rad = lidar.yaw_rad + math.remainder(yaw.value - lidar.yaw_rad, math.tau)
         yaw = yaw._replace(value=near_rad)
@@ -105,8 +106,8 @@ def results(found: Findings, lidar: NamedLidarSection) -> list[Result]:
         Result(("slip",), base.slip, base.slip.high, "stops: wall and odometry"),
         Result(
             ("odometry_scale",),
-            direction.scale,
-            direction.scale.far_from(1.0),
+            scale,
+            scale.far_from(1.0),
             "straight drives before a wall",
         ),
         Result(("turn_scale",), turning, turning.far_from(1.0), "turns before a wall"),

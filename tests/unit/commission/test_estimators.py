@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from commission import timing
 from commission.estimate import Estimate, least_squares, of_repeats, student_95
+from commission.findings import Findings, results
 from commission.mounting import (
     Mistake,
     Motion,
@@ -19,8 +20,12 @@ from commission.mounting import (
     turn_scale,
 )
 from commission.stopping import LEAST_STOPS, Stop, brakes, by_the_law, steady_scale, steady_speeds, stop_of
+from commission.trace import Driven, Odom, Scan, Trace
 from commission.wall import Wall, follow, nearest_wall
+from supervisor.config import SupervisorSection
 from supervisor.law.reckoning import Pose
+from supervisor.law.scan import Mount
+from teleop.path import course
 from tests.unit.commission.truth import WALL_M, Lidar, Run, run
 
 SEEDS = st.integers(0, 10_000)
@@ -437,6 +442,42 @@ def test_wheels_that_slip_in_the_stops_do_not_show_as_latency_or_as_a_wrong_spee
     before = (steady_speeds(one.stopped_s, one.odometry, one.walls, late.value) for one in some)
     scale = steady_scale([two for two in before if two is not None])
     assert scale.value == pytest.approx(1.0, abs=0.03)
+
+
+def driven(one: Run, speed_m_s: float) -> Driven:
+    """Return a stop as the command records it."""
+    trace = Trace(Mount())
+    for at_s, way_m, velocity_m_s in one.odometry.tolist():
+        trace.odometry.append(Odom(at_s, course.Pose(way_m, 0.0, 0.0), velocity_m_s, 0.0, at_s))
+    for at_s, distance_m in one.walls.tolist():
+        trace.scans.append(Scan(at_s, np.empty(0), Wall(distance_m, 0.0, 4.0)))
+    before, after = (Wall(distance_m, 0.0, 4.0) for distance_m in (one.walls[0, 1], one.walls[-1, 1]))
+    return Driven(
+        trace,
+        course.Pose(0.0, 0.0, 0.0),
+        speed_m_s,
+        before,
+        after,
+        one.stopped_s,
+        one.rest_s,
+        is_stopped=False,
+    )
+
+
+def test_the_scale_of_odometry_does_not_contain_the_slip_of_the_stops() -> None:
+    speeds = (0.2, 0.2, 0.3, 0.3, 0.4, 0.4, 0.5, 0.5)
+    found = Findings(driven=[driven(one, speed) for one, speed in zip(slipping(0), speeds, strict=True)])
+    for bearing_rad in (0.6, -0.6):  # slow drives, without slip
+        nearer_m = 0.3 * math.cos(bearing_rad)
+        walls = Wall(3.0, bearing_rad, 4.0), Wall(3.0 - nearer_m, bearing_rad, 4.0)
+        found.straights.append(Motion(0.3, 0.3, *walls))
+    found.straights += [one.motion(is_turn=False) for one in found.driven]
+    assert heading(found.straights).scale.low > 1.05
+    lidar = SupervisorSection().all_lidars()[0]
+    (scale,) = (one for one in results(found, lidar) if one.path == ("odometry_scale",))
+    assert scale.estimate.low < 1.0 < scale.estimate.high
+    assert scale.estimate.u95 < 0.02
+    assert scale.limit == scale.estimate.far_from(1.0)
 
 
 def test_one_scan_before_a_stop_shows_no_speed() -> None:
