@@ -20,6 +20,8 @@ from supervisor.law.base_braking import UNMEASURED, measure
 STEADY_S = 0.4
 """The robot must have driven steadily for this long before the stop."""
 UNSTEADY_SHARE = 0.1
+LONGEST_GAP = 3.0
+"""Between two samples of odometry, in mean gaps. After a longer gap, samples arrived late, and their times show a wrong speed and a wrong distance."""
 REST_S = 0.3
 LEAST_STOPS = 4
 LEAST_SPEED_M_S = 0.08
@@ -46,7 +48,7 @@ def stop_of(
     scale: float = 1.0,
     latency_s: float = 0.0,
 ) -> Stop | None:
-    """Return a stop; None if the robot did not drive steadily before it, or did not come to rest.
+    """Return a stop; None if the robot did not drive steadily before it, did not come to rest, or samples arrived late.
 
     Args:
         stopped_s: when zero was commanded.
@@ -63,6 +65,9 @@ def stop_of(
     walls_before = (seen_s > stopped_s - STEADY_S) & (seen_s <= stopped_s)
     walls_after = (seen_s > rest_s - REST_S) & (seen_s <= rest_s)
     if min(len(before), len(after)) < 2 or not walls_before.any() or not walls_after.any():
+        return None
+    gaps_s = np.diff(at_s[(at_s > stopped_s - STEADY_S) & (at_s <= stopped_s + STEADY_S)])
+    if gaps_s.max() > LONGEST_GAP * gaps_s.mean():
         return None
     # By the poses: their scale is known, that of the velocities is not.
     line: Floats = np.polyfit(before[:, 0] - stopped_s, before[:, 1], 1)

@@ -513,6 +513,17 @@ def test_a_stop_that_did_not_begin_at_a_steady_speed_is_not_one() -> None:
     assert stop_of(one.stopped_s, 99.0, one.odometry, one.walls) is None
 
 
+def test_a_stop_whose_samples_arrived_late_is_not_one() -> None:
+    """A program that was not scheduled for 0.07 s takes what has arrived meanwhile at once, and the robot seems to have been slower."""
+    one = run(0.5, np.random.default_rng(0), dead_s=0.1)
+    assert stop_of(one.stopped_s, one.rest_s, one.odometry, one.walls) is not None
+    late = one.odometry.copy()
+    is_late = (late[:, 0] > one.stopped_s - 0.11) & (late[:, 0] < one.stopped_s - 0.04)
+    late[is_late, 0] = one.stopped_s - 0.04
+    assert np.count_nonzero(is_late) >= 3
+    assert stop_of(one.stopped_s, one.rest_s, late, one.walls) is None
+
+
 def test_the_law_measures_the_same_deceleration_in_a_fast_stop_and_nothing_in_a_slow_one() -> None:
     fast, slow = (run(v, np.random.default_rng(0), speed_sd_m_s=0.0) for v in (0.5, 0.2))
     assert by_the_law(fast.stopped_s, fast.odometry, 0.5, 0.01) == pytest.approx(1.2, rel=0.05)
