@@ -63,7 +63,7 @@ async def test_a_touch_stops_and_holding_the_release_permits_the_reset(tmp_path:
         await tab.click(*await tab.middle_of("#release"))  # a touch releases nothing
         await subject.never(lambda: state(subject, "phone") == "heard", "released by a touch", 0.3)
         await release(subject, tab)
-        await tab.shows("STOPPED", "The robot is stopped: ESTOP")
+        await tab.shows("STOPPED", "The robot is stopped: the emergency stop is latched")
 
 
 async def test_a_second_touch_ends_the_release_that_another_finger_holds(tmp_path: Path) -> None:
@@ -92,7 +92,7 @@ async def test_a_page_that_is_hidden_is_lost_and_connects_again_when_it_is_seen(
         await other.close()
         await tab.do("Page.bringToFront")
         await heard(subject, "phone")
-        await tab.shows("STOPPED", "ESTOP_STATION_LOST")
+        await tab.shows("STOPPED", "a required e-stop station")
 
 
 async def closed(_: Browser, tab: Tab) -> None:
