@@ -504,7 +504,7 @@ def test_a_ros_2_robot_comes_up_without_a_sim_is_seen_and_goes_down(
     ]
     packages, ros = started["environment"]["PYTHONPATH"].split(":")
     assert ros == "/opt/ros/jazzy/lib/python3.12/site-packages"
-    assert sorted(link.name for link in Path(packages).iterdir()) == ["ros2", "wire"]
+    assert sorted(link.name for link in Path(packages).iterdir()) == ["passport", "ros2", "wire"]
     assert (Path(packages) / "ros2" / "config.py").is_file()
 
     reported = robot.seen(lambda seen: "ros2" in seen, "no reports")["ros2"]
