@@ -21,11 +21,12 @@ from wire.topics import EXEC_SUFFIX
 pytestmark = pytest.mark.long
 
 TOKEN = f"joy{EXEC_SUFFIX}"
-RUNNING = "import signal, sys, time; print('running', flush=True); "
+RUNNING = "import os, signal, sys, time; print('running', flush=True); "
 SLEEPS = RUNNING + "time.sleep(60)"
+# A handler writes without a buffer: the signal may come while `print` is still at work, which refuses a second call.
 COUNTS = RUNNING + (
-    "signal.signal(signal.SIGINT, lambda *_: print('interrupted', flush=True)); "
-    "signal.signal(signal.SIGTERM, lambda *_: (print('terminated', flush=True), sys.exit(3))); "
+    "signal.signal(signal.SIGINT, lambda *_: os.write(1, b'interrupted\\n')); "
+    "signal.signal(signal.SIGTERM, lambda *_: (os.write(1, b'terminated\\n'), sys.exit(3))); "
     "print('ready', flush=True); "
     "[time.sleep(0.05) for _ in range(1200)]"
 )
