@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from docs.generate import sections
 from docs.generate.passports import DEMO, FOLDER, read
 from passport.record import Cell, Passport, from_json
+from passport.statistics import rounded_up
 from passport.summary import Row, rows
 from wire.foreign import ForeignError
 
@@ -91,9 +92,11 @@ def _sentence(found: Fresh, row: Row) -> str:
     farther = found.not_stopped + sum(one > row.distance_m.value for one in found.distances_m)
     longer = found.not_stopped + sum(one is None or one > row.stopping_s.value for one in found.times_s)
     return (
-        f"The limits were tried on the simulated robot. The page gives {row.distance_m.value:.3f} m and {row.stopping_s.value:.3f} s for "
-        f"“{found.fault}” at {row.cell.speed}, from {row.runs} runs. Of {runs} further runs, {farther} went farther and {longer} took longer; if the limits "
-        f"were exactly the 95 % quantiles, {0.05 * runs:.0f} of each would be expected. Commit {found.commit[:8]}, {found.date}, {found.machine_load}."
+        f"The limits were tried on the simulated robot. The page gives {rounded_up(row.distance_m.value)} m and {rounded_up(row.stopping_s.value)} s for "
+        f"“{found.fault}” at {row.cell.speed}, from {row.runs} runs. Of {runs} further runs, {farther} exceeded the distance and {longer} the time, before "
+        f"these limits were rounded up; if they were exactly the 95 % quantiles, {0.05 * runs:.0f} of each would be expected. The further runs were measured by "
+        f"`python -m docs.generate.measure_passport --fault NAME --runs N --record FILE` and counted by `python -m docs.generate.fresh_runs FILE...`: "
+        f"commit {found.commit[:8]}, {found.date}, {found.machine_load}."
     )
 
 

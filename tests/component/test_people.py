@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from lifeline.page import SourceWheel
 from station.driving import Driving, Person, Pictures
 from station.messages import MAX_NAME, Wanted
 from supervisor.blackbox.people import MAX_ACTS, MAX_LENGTH, PERIOD_S, People
@@ -16,6 +15,7 @@ from supervisor.blackbox.reader import BlackBoxReader
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
 from teleop import wheel
+from teleop.wheel import SourceWheel
 from tests.component.rig import Rig
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, WriterAtOnce
 from virtual.network import VirtualBus
@@ -31,6 +31,13 @@ class Station:
         source = SourceWheel("teleop", (1.0, 1.0))
         source.join(self.bus)
         self.driving = Driving(source)
+
+    async def anna_drives(self) -> Person:
+        """Let Anna drive ahead at her page."""
+        anna = self.driving.enter("Anna", "Anna's page")
+        await self.takes(anna)
+        await self.drives(anna, 0.5, 2.0)
+        return anna
 
     async def takes(self, person: Person) -> None:
         assert await self.driving.take(person, self._rig.loop.time()) == ""
@@ -64,9 +71,7 @@ async def test_an_incident_names_who_drove_asked_took_over_stopped_and_reset(tmp
     async with robot(rig, writer):
         station = Station(rig)
         driving = station.driving
-        anna = driving.enter("Anna", "Anna's page")
-        await station.takes(anna)
-        await station.drives(anna, 0.5, 2.0)
+        anna = await station.anna_drives()
         assert rig.output() == (0.5, 0.0)
         ben = driving.enter("Ben", "Ben's page")
         assert driving.ending(anna, rig.loop.time(), hands_over=True) == "You handed over to Ben."
@@ -106,9 +111,7 @@ async def test_the_driver_of_a_station_that_is_killed_is_in_the_incident(tmp_pat
     rig, writer = Rig(), WriterAtOnce(tmp_path)
     async with robot(rig, writer):
         station = Station(rig)
-        anna = station.driving.enter("Anna", "Anna's page")
-        await station.takes(anna)
-        await station.drives(anna, 0.5, 2.0)
+        await station.anna_drives()
         station.bus.die()
         await rig.pass_time(4.0)
         assert "Anna began to drive" in acts(writer.paths[-1])
@@ -146,9 +149,7 @@ async def test_a_page_that_asks_and_leaves_all_the_time_under_any_name_hides_not
     async with robot(rig, writer):
         station = Station(rig)
         driving = station.driving
-        anna = driving.enter("Anna", "Anna's page")
-        await station.takes(anna)
-        await station.drives(anna, 0.5, 2.0)
+        anna = await station.anna_drives()
         station.bus.publisher(topics.ESTOP).put(Bool(data=True))
         driving.tell("Cleo's page", "Cleo pressed the e-stop")
         for number in range(100):  # before the supervisor asks

@@ -63,6 +63,6 @@ def test_the_further_runs_that_exceed_a_limit_are_counted_and_few() -> None:
     limit_m = max(run.distance_m or math.nan for run in cell.runs) + record.instrument.uncertainty_m
     farther = further["not_stopped"] + sum(one > limit_m for one in further["distances_m"])
     runs = further["not_stopped"] + len(further["distances_m"])
-    assert f"Of {runs} further runs, {farther} went farther" in fresh_runs.part()
+    assert f"Of {runs} further runs, {farther} exceeded the distance" in fresh_runs.part()
     assert runs == 300
     assert farther <= 35
