@@ -45,6 +45,7 @@ def stop_of(
     odometry: Floats,
     walls: Floats,
     *,
+    is_seen: bool = True,
     scale: float = 1.0,
     latency_s: float = 0.0,
 ) -> Stop | None:
@@ -55,6 +56,7 @@ def stop_of(
         rest_s: when the robot had been at rest for `REST_S`.
         odometry: (n, 3) arrival [s], way toward the wall by the poses [m], speed toward it by the velocities [m/s].
         walls: (m, 2) arrival [s], distance [m].
+        is_seen: whether odometry was to arrive between `stopped_s` and the standstill: a gap is then late odometry.
         scale: true distance divided by distance of odometry.
         latency_s: latency of the scans.
     """
@@ -66,7 +68,8 @@ def stop_of(
     walls_after = (seen_s > rest_s - REST_S) & (seen_s <= rest_s)
     if min(len(before), len(after)) < 2 or not walls_before.any() or not walls_after.any():
         return None
-    gaps_s = np.diff(at_s[(at_s > stopped_s - STEADY_S) & (at_s <= stopped_s + STEADY_S)])
+    last_s = stopped_s + STEADY_S if is_seen else stopped_s
+    gaps_s = np.diff(at_s[(at_s > stopped_s - STEADY_S) & (at_s <= last_s)])
     if gaps_s.max() > LONGEST_GAP * gaps_s.mean():
         return None
     # By the poses: their scale is known, that of the velocities is not.

@@ -59,7 +59,7 @@ def run_of(
         uncertainty_m: a smaller difference between lidar and odometry is no slip.
         is_turn: whether the robot turns on the spot.
     """
-    stop = stop_of(fault_s, rest_s, odometry, walls, scale=scale, latency_s=latency_s)
+    stop = stop_of(fault_s, rest_s, odometry, walls, is_seen=is_seen, scale=scale, latency_s=latency_s)
     if stop is None:
         return None
     apart_m = abs(stop.way_m - stop.odometry_m)

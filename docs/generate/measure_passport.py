@@ -176,7 +176,7 @@ def answer(
     """
     questions = [f"{question}[^\r]*\r\n" for question in QUESTIONS]
     patterns: list[Any] = [*questions, PROGRESS, until or pexpect.EOF]
-    repeats = 0
+    repeats, line = 0, ""
     while (shown := terminal.expect(patterns, timeout=PATIENCE_S)) <= len(QUESTIONS):
         if shown == len(QUESTIONS):
             line = str(terminal.after).strip().removeprefix(PREFIX)
@@ -186,7 +186,7 @@ def answer(
         word = list(QUESTIONS.values())[shown]
         repeats += word == "again"
         if repeats >= MOST_REPEATS:
-            raise DeployError(f"a run was interrupted {repeats} times: {terminal.before}")
+            raise DeployError(f"a run was interrupted {repeats} times, at last: {line}")
         terminal.send(f"{word}\r")
 
 

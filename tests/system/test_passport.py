@@ -42,7 +42,7 @@ def site() -> Generator[Site]:
 def measured(terminal: "pexpect.spawn[str]") -> None:
     """Answer all questions of a measurement that reaches its end."""
     try:
-        answer(terminal)
+        answer(terminal, say=say)
     finally:
         terminal.close(force=True)
     assert terminal.exitstatus == 0, terminal.before

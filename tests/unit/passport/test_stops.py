@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from commission.estimate import Floats
+from commission.stopping import STEADY_S
 from commission.trace import Command
 from passport.record import MAX_SAMPLES, Run
 from passport.stops import SLIP_M, no_stop, run_of
@@ -84,6 +85,14 @@ def test_a_fault_that_takes_the_recorder_leaves_only_the_distance() -> None:
     assert (found.t0_s, found.t1_s, found.t2_s, found.t3_s, found.deceleration_m_s2) == (None,) * 5
     assert found.trace == ()
     assert found.distance_m == pytest.approx(Stopped().distance_m, abs=0.002)
+
+
+def test_a_recorder_that_hears_the_robot_again_soon_after_the_fault_has_the_distance_too() -> None:
+    odometry, back_s = TRUTH.odometry(), FAULT_S + 0.8 * STEADY_S
+    heard = odometry[(odometry[:, 0] <= FAULT_S) | (odometry[:, 0] > back_s)]
+    found = done(odometry=heard, is_seen=False)
+    assert found.distance_m == pytest.approx(TRUTH.distance_m, abs=0.002)
+    assert run(odometry=heard) is None, "the recorder was to hear the robot, so the samples are late"
 
 
 def test_where_odometry_is_silent_the_wall_shows_the_times() -> None:
