@@ -68,3 +68,8 @@ class MeasuredSection(Section):
         if self.dead_time_s is not None:
             dead_time_s = max(dead_time_s, self.dead_time_s.limit)
         return max(LEAST_DECELERATION_M_S2, deceleration_m_s2), dead_time_s
+
+    def worse_latency_s(self, lidar: str, latency_s: float) -> float:
+        """Return the configured latency of a lidar [s], replaced by its measured limit if that is longer."""
+        found = self.lidars.get(lidar, MeasuredLidar()).latency_s
+        return latency_s if found is None else max(latency_s, found.limit)

@@ -53,6 +53,7 @@ class Stopping(NamedTuple):
     speed_m_s: float
     reaction_s: float
     reaction_m: float
+    deceleration_m_s2: float
     braking_m: float
     keep_m: float
 
@@ -117,8 +118,9 @@ def examine(file: Path) -> Report:
         raise DeployError(str(error)) from error
     config, sim = sections[SupervisorSection], sections.get(SimSection)
     views = tuple(_view(lidar, sim) for lidar in config.all_lidars())
-    ros2, way = sections.get(Ros2Section), stopping(config, views)
-    found = tuple(risks(config, sim, sections[BusSection], ros2, sections.get(MeasuredSection)))
+    ros2, measured = sections.get(Ros2Section), sections.get(MeasuredSection)
+    way = stopping(config, views, measured or MeasuredSection())
+    found = tuple(risks(config, sim, sections[BusSection], ros2, measured))
     settings = {risk.setting for risk in found}
     return Report(
         config,
@@ -162,15 +164,25 @@ def _view(lidar: NamedLidarSection, sim: SimSection | None) -> View:
     return View(start, (end - start) / max(1, gaps), beams, range_m, period_s, tuple(assumed))
 
 
-def stopping(config: SupervisorSection, views: tuple[View, ...]) -> Stopping:
-    """Compute the stopping distance from top speed, with the oldest scan in normal operation (slowest lidar)."""
+def stopping(config: SupervisorSection, views: tuple[View, ...], measured: MeasuredSection) -> Stopping:
+    """Compute the stopping distance from top speed, with the oldest scan in normal operation (slowest lidar).
+
+    Where a measured limit is worse than the configured number, it replaces it.
+    """
     speed_m_s = config.max_linear_m_s
     scans_s = 2.0 * max(view.period_s for view in views) + max(
-        one.usual_latency_s() for one in config.all_lidars()
+        measured.worse_latency_s(one.name, one.usual_latency_s()) for one in config.all_lidars()
     )
-    reaction_s = scans_s + config.law().late_s
-    braking_m = speed_m_s**2 / (2.0 * config.deceleration_m_s2)
-    return Stopping(speed_m_s, reaction_s, speed_m_s * reaction_s, braking_m, config.stop_distance_m)
+    deceleration_m_s2, dead_s = measured.worse_braking(config.deceleration_m_s2, config.base_dead_time_s)
+    reaction_s = scans_s + config.law().late_s + dead_s - config.base_dead_time_s
+    return Stopping(
+        speed_m_s,
+        reaction_s,
+        speed_m_s * reaction_s,
+        deceleration_m_s2,
+        speed_m_s**2 / (2.0 * deceleration_m_s2),
+        config.stop_distance_m,
+    )
 
 
 def passage_m(config: SupervisorSection) -> float:
@@ -283,7 +295,7 @@ def _print(console: Console, file: Path, report: Report) -> None:
         Text(
             f"\nFrom {way.speed_m_s:g} m/s the stopping distance is {way.total_m:.2f} m: {way.reaction_m:.2f} m of "
             f"reaction ({way.reaction_s:.2f} s: two scan periods, latency, transport and dead time), {way.braking_m:.2f} m of braking "
-            f"(v²/2a, a = {report.config.deceleration_m_s2:g} m/s²) and {way.keep_m:.2f} m stop distance.\n"
+            f"(v²/2a, a = {way.deceleration_m_s2:g} m/s²) and {way.keep_m:.2f} m stop distance.\n"
         ),
         soft_wrap=True,
     )

@@ -11,11 +11,12 @@ from typer.testing import CliRunner
 
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import DEFAULT_CONFIG
-from lifeline.check.check import Report, check, examine, stopping
+from lifeline.check.check import Report, Stopping, check, examine, stopping
 from lifeline.check.motions import MOTIONS, Permitted, View, permitted_motions
 from lifeline.cli.app import app
 from supervisor.config import SupervisorSection
 from supervisor.law.reckoning import STANDSTILL, Velocity
+from supervisor.measured import MeasuredSection
 from wire.reasons import StopReason
 
 EXAMPLES = {path.stem: path for path in (DEFAULT_CONFIG.parent / "examples").glob("*.toml")}
@@ -146,13 +147,32 @@ def test_the_stopping_distance_contains_latency_and_dead_time(tmp_path: Path) ->
     assert late.stopping.reaction_s == pytest.approx(report(tmp_path, "[sim]\n").stopping.reaction_s + 0.15)
 
 
+def test_a_measured_limit_counts_in_the_stopping_distance_where_it_is_worse(tmp_path: Path) -> None:
+    def measured(deceleration_m_s2: float, dead_s: float, latency_s: float) -> Stopping:
+        def value(limit: float) -> str:
+            return f'{{ value = 1.0, limit = {limit}, n = 9, date = "2026-11-26", version = "1", how = "by hand" }}'
+
+        return report(
+            tmp_path,
+            f"[sim]\n[measured]\ndeceleration_m_s2 = {value(deceleration_m_s2)}\ndead_time_s = {value(dead_s)}\n"
+            f"[measured.lidars.lidar]\nlatency_s = {value(latency_s)}\n",
+        ).stopping
+
+    configured = report(tmp_path, "[sim]\n").stopping
+    assert measured(9.0, 0.0, 0.0) == configured
+    worse = measured(0.7, 0.2, 0.3)
+    assert worse.braking_m == pytest.approx(worse.speed_m_s**2 / (2 * 0.7))
+    assert worse.reaction_s == pytest.approx(configured.reaction_s + 0.2 + 0.3)
+    assert worse.total_m > configured.total_m
+
+
 def test_the_slowest_lidar_decides_how_late_it_reacts(tmp_path: Path) -> None:
     found = report(
         tmp_path,
         '[[supervisor.lidars]]\nname = "a"\ntopic = "scan"\nperiod_s = 0.05\n'
         '[[supervisor.lidars]]\nname = "b"\ntopic = "b"\nperiod_s = 0.15\n',
     )
-    assert found.stopping == stopping(found.config, (found.lidars[1],))
+    assert found.stopping == stopping(found.config, (found.lidars[1],), MeasuredSection())
     assert found.stopping.reaction_s == pytest.approx(0.33)
 
 
