@@ -225,6 +225,17 @@ def test_a_killed_supervisor_of_a_real_robot_is_restarted_immediately(robot: Rob
     assert time.monotonic() - killed_s < RESTART_LIMIT_S
 
 
+def test_a_program_that_is_still_ending_counts_as_started_only_when_it_starts_again(robot: Robot) -> None:
+    assert robot.run("up", "--detach").returncode == 0
+    before = robot.pids()["supervisor"]
+    os.kill(before, signal.SIGSTOP)
+    assert supervisord.stop_program(robot.state, "supervisor")
+    assert not supervisord.start_program(robot.state, "supervisor"), "it does not end while it is stopped"
+    os.kill(before, signal.SIGCONT)
+    _wait_for(lambda: supervisord.start_program(robot.state, "supervisor"), "the start")
+    _wait_for(lambda: robot.pids().get("supervisor", before) != before, "a new supervisor")
+
+
 @pytest.mark.long
 def test_a_hung_supervisor_is_restarted_without_a_person_and_doctor_says_so(robot: Robot) -> None:
     assert robot.run("up", "--detach").returncode == 0
