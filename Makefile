@@ -31,7 +31,7 @@ NO_RCLPY := ROS 2 is not installed in /opt/ros/jazzy, and PyPI has no rclpy for 
   (only for CPython 3.11 to 3.14 on x86_64 Linux)
 NO_RMW_ZENOH := zenoh-ros2-sdk cannot be installed on this machine
 
-.PHONY: help setup ros2 test-ros2 run test unit component quick system flaky first-minute timed demo proof proofs coverage fifth check bench bench-peers bench-robots bench-fleet bench-link docs picture passport mutation faults campaign
+.PHONY: help setup ros2 test-ros2 run test unit component smoke system flaky first-minute timed demo proof proofs coverage fifth check bench bench-peers bench-robots bench-fleet bench-link docs picture passport mutation faults campaign
 
 help: ## print this list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -44,10 +44,10 @@ ros2: $(ROS2_STAMP) ## create the environment .ros2 with rclpy, in which `python
 run: $(DRIVE_STAMP) ## drive the robot by keyboard; without a terminal, play the demo
 	@if [ -t 0 ] && [ -t 1 ]; then echo "lifeline: to drive in a browser instead, run .venv/bin/lifeline up --station --drive"; exec env LIFELINE_UNDER_MAKE=1 .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
-test: $(STAMP) ## run the checks and the tests, also with real processes; each commit must pass them (five minutes)
+test: $(STAMP) ## run the checks, the unit and component tests, and one of each kind with real processes; each commit must pass them (four minutes)
 	$(COMPILE)
 	$(MAKE) --no-print-directory --jobs=2 check unit
-	$(MAKE) --no-print-directory quick
+	$(MAKE) --no-print-directory smoke
 
 # No test here depends on the real clock, so one runs on each core.
 IN_PARALLEL := --numprocesses=auto --dist=worksteal
@@ -62,10 +62,10 @@ component: $(STAMP)
 # The real processes mostly wait: four tests run at a time.
 FOUR_AT_A_TIME := --numprocesses=4 --dist=worksteal --durations=10
 
-quick: $(STAMP)
-	.venv/bin/pytest tests/system -m "not timed and not demo and not long" $(FOUR_AT_A_TIME)
+smoke: $(STAMP)
+	.venv/bin/pytest tests/system -m "smoke and not timed and not demo" $(FOUR_AT_A_TIME)
 
-system: $(STAMP) ## run all system tests that need no idle machine, also the long ones (seven minutes)
+system: $(STAMP) ## run all system tests that need no idle machine (seven minutes)
 	.venv/bin/pytest tests/system -m "not timed and not demo" $(FOUR_AT_A_TIME)
 
 N ?= 10

@@ -217,6 +217,7 @@ async def test_the_yaw_of_a_lidar_that_looks_elsewhere_than_configured_is_measur
     assert "estop_s" not in drive.measured
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("base", "answers", "flip", "sentence"),
     [
@@ -256,6 +257,7 @@ async def test_a_robot_that_sees_only_ahead_is_measured_with_the_stops_that_fit(
     assert drive.value("deceleration_m_s2") == pytest.approx(1.2, rel=0.2)
 
 
+@pytest.mark.long
 async def test_a_key_ends_a_drive_at_once_and_the_person_may_repeat_the_step(tmp_path: Path) -> None:
     answers = {**ANSWERS, "Type again for this step": "again"}
     async with first_drive(tmp_path, SIM, CONFIG, answers) as drive:
@@ -347,6 +349,7 @@ def turned_back(message: Odometry) -> None:
     message.twist.twist.angular.z *= -1.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("change", "mistake"),
     [
@@ -369,6 +372,7 @@ async def test_wrong_odometry_ends_it_with_what_to_correct(
         assert drive.person.said[-1] == f"aborted: {mistake}. Nothing was written"
 
 
+@pytest.mark.long
 async def test_a_base_that_does_not_follow_may_make_the_first_turn_again(tmp_path: Path) -> None:
     answers = {**ANSWERS, "Type again for this step": "again"}
     async with first_drive(tmp_path, SIM, CONFIG, answers, turn=0.0) as drive:

@@ -160,6 +160,7 @@ async def test_a_square_is_driven_to_its_end_by_a_source_that_is_neutral_first()
         assert any(line.startswith("driving: ") and " of 4.00 m" in line for line in run.person.shown)
 
 
+@pytest.mark.long
 async def test_the_operator_takes_over_and_the_path_goes_on_only_when_it_is_asked_to() -> None:
     rig, plant = Rig(), Plant()
     operator = Operator(rig)
@@ -270,6 +271,7 @@ async def test_a_base_that_stands_whatever_is_commanded_pauses_the_path() -> Non
         await run.paused("STOPPED: BASE_UNRESPONSIVE")
 
 
+@pytest.mark.long
 async def test_a_supervisor_that_dies_pauses_the_path_and_a_new_one_does_not_set_it_going() -> None:
     rig, plant = Rig(), Plant()
     async with rig.sim(plant), rig.supervisor() as supervisor, driving(rig, here(AHEAD)) as run:

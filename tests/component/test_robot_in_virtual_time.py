@@ -11,6 +11,7 @@ STOP_DISTANCE_M = 0.30
 TOLERANCE_M = 0.01
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("speed_m_s", [pytest.param(0.3, marks=pytest.mark.proof), 0.6, 1.0])
 async def test_driven_at_the_rack_it_comes_to_rest_at_30_cm_and_backs_out(speed_m_s: float) -> None:
     rig, plant = Rig(), Plant()

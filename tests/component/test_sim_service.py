@@ -109,6 +109,7 @@ def status(subscription: Subscription[topics.DiagnosticArray], subject: str) -> 
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("speed", "rates_hz"),
     [
@@ -473,6 +474,7 @@ async def test_at_ten_times_the_pace_the_base_still_waits_150_ms_of_real_time_fo
         assert bench.plant.drive.twist.linear_m_s == 0.0
 
 
+@pytest.mark.long
 async def test_in_slow_motion_scans_stay_fresh_and_the_robot_can_be_driven_again_and_again(
     caplog: pytest.LogCaptureFixture,
 ) -> None:

@@ -49,6 +49,7 @@ def broken(promise: int, run: Callable[[int], Trial], *, first: int) -> bool:
     return any(violation.promise == promise for seed in seeds for violation in run(seed).violations)
 
 
+@pytest.mark.long
 def test_seeds_keep_every_promise() -> None:
     for seed in (0, 3, 8):
         trial = trial_of(seed)
@@ -75,6 +76,7 @@ def test_a_seed_is_the_same_alone_in_a_row_and_in_another_process(tmp_path: Path
         assert printed[1:] == [alone[1], alone[0]]
 
 
+@pytest.mark.long
 def test_without_the_barrier_it_comes_too_near(monkeypatch: pytest.MonkeyPatch) -> None:
     def everything(*_: object, **__: object) -> tuple[float, None]:
         return 1.0, None
@@ -91,6 +93,7 @@ def test_with_a_scan_timeout_ten_times_as_long_it_drives_blindly() -> None:
     assert broken(5, lambda seed: run_trial(seed, config=SupervisorSection(scan_timeout_s=2.5)), first=14)
 
 
+@pytest.mark.long
 def test_without_the_interlock_it_moves_without_a_neutral(monkeypatch: pytest.MonkeyPatch) -> None:
     latch: Any = interlock._latch  # pyright: ignore[reportPrivateUsage]
 
@@ -236,6 +239,7 @@ def test_a_campaign_keeps_its_trials_and_goes_on_where_it_ended(tmp_path: Path) 
     assert sorted(trial.seed for trial in read_trials(out)) == [0, 1, 2, 2]
 
 
+@pytest.mark.long
 def test_an_interrupt_whose_dead_workers_are_noticed_before_anything_else_prints_no_traceback(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -287,6 +291,7 @@ def test_a_file_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
         campaigns.campaign(1, 1, tmp_path, print)
 
 
+@pytest.mark.long
 def test_a_replay_prints_the_story(tmp_path: Path) -> None:
     said = list[str]()
     assert campaigns.replay(3, said.append) == 0

@@ -27,6 +27,8 @@ from wire.zenoh import connect, local_socket
 from wire.zenoh.connect import open_session
 from wire.zenoh.hub_proof import HubProof
 
+pytestmark = pytest.mark.smoke
+
 LIFELINE = Path(sys.executable).with_name("lifeline")
 ROLES = [Role.BASE, Role.SENSOR, Role.OPERATOR, Role.ESTOP, Role.VIEWER]
 CONTRACT = Contract(

@@ -21,7 +21,7 @@ RUN_LIMIT_S = 100.0
 BENCH = (sys.executable, "-m", "bench.link")
 LONG = ("--links", "tcp", "--loss-percent", "0", "--round-trip-ms", "0", "--flows", "1", "--seconds", "600")
 
-pytestmark = [pytest.mark.timeout(110), pytest.mark.long]
+pytestmark = pytest.mark.timeout(110)
 reason = why_not()
 needs_root = pytest.mark.skipif(reason is not None, reason=str(reason))
 

@@ -56,6 +56,7 @@ async def test_a_killed_teleop_leaves_a_file_whose_decisions_another_process_fin
     assert max(b - a for a, b in pairwise(zeros)) < 0.1
 
 
+@pytest.mark.smoke
 async def test_a_supervisor_that_is_asked_to_end_writes_the_stop_before(tmp_path: Path) -> None:
     # At its end it writes for one second at most, which may be too short on a busy machine.
     config = tmp_path / "robot.toml"

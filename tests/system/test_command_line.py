@@ -74,9 +74,9 @@ PRINTING = [
     "doctor",
     "down",
     "fault-report",
-    pytest.param("faults", marks=pytest.mark.long),
-    pytest.param("faults --virtual", marks=pytest.mark.long),
-    pytest.param("render", marks=pytest.mark.long),
+    "faults",
+    "faults --virtual",
+    "render",
     "replay-decision",
     "status",
     "watch --once",
@@ -111,7 +111,6 @@ def test_a_pipe_gets_no_escape_sequences(name: str, files: Files) -> None:
     assert output or errors
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("name", [*PRINTING, *REFUSED, *OTHERS])
 def test_no_color_and_dumb_terminals_are_respected(name: str, files: Files) -> None:
     arguments = arguments_of(name, files)
@@ -151,6 +150,7 @@ def test_the_result_as_json_is_all_that_standard_output_gets(name: str, files: F
     assert "\x1b" not in output + errors
 
 
+@pytest.mark.smoke
 def test_the_real_command_prints_plain_text_and_json_on_pipes(files: Files) -> None:
     for more in ([], ["--json"]):
         done = subprocess.run(

@@ -15,8 +15,6 @@ from deploy.stack.errors import EXIT_REFUSED
 from lifeline.cli.app import COMPLETED
 from tests.system.harness import PATIENCE_S
 
-pytestmark = pytest.mark.long
-
 COLUMNS = 120
 BIN = Path(sys.executable).parent
 SHELLS = {

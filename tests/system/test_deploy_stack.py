@@ -131,7 +131,6 @@ def _refused(done: subprocess.CompletedProcess[str], sentence: str) -> None:
     assert re.search(sentence, done.stderr), done.stderr
 
 
-@pytest.mark.long
 def test_beside_the_pid_file_of_a_dead_supervisord_a_robot_comes_up_is_seen_and_goes_down(
     robot: Robot,
 ) -> None:
@@ -236,7 +235,6 @@ def test_a_program_that_is_still_ending_counts_as_started_only_when_it_starts_ag
     _wait_for(lambda: robot.pids().get("supervisor", before) != before, "a new supervisor")
 
 
-@pytest.mark.long
 def test_a_hung_supervisor_is_restarted_without_a_person_and_doctor_says_so(robot: Robot) -> None:
     assert robot.run("up", "--detach").returncode == 0
     before = robot.pids()["supervisor"]
@@ -248,7 +246,7 @@ def test_a_hung_supervisor_is_restarted_without_a_person_and_doctor_says_so(robo
     assert hang["what"].startswith("supervisor hung once, was ended by the kernel and started again")
 
 
-@pytest.mark.long
+@pytest.mark.smoke
 def test_a_killed_supervisor_is_restarted_and_a_killed_supervisord_is_cleaned_up_after(robot: Robot) -> None:
     assert robot.run("up", "--detach").returncode == 0
     first = robot.pids()
@@ -377,6 +375,7 @@ def _drive(robot: Robot, terminal: Terminal) -> None:
     _wait_for(lambda: robot.state.record.exists() and moves(), "the robot does not move")
 
 
+@pytest.mark.smoke
 def test_up_drives_from_this_terminal_and_takes_everything_down_on_q(
     robot: Robot, terminal: Terminal
 ) -> None:
@@ -387,7 +386,6 @@ def test_up_drives_from_this_terminal_and_takes_everything_down_on_q(
     assert robot.pids() == {}
 
 
-@pytest.mark.long
 def test_a_killed_teleop_leaves_a_screen_that_a_shell_can_use(robot: Robot, terminal: Terminal) -> None:
     _drive(robot, terminal)
     os.kill(robot.pids()["teleop"], signal.SIGKILL)
@@ -401,7 +399,6 @@ def test_a_killed_teleop_leaves_a_screen_that_a_shell_can_use(robot: Robot, term
     assert processes.keepers(robot.state.path) == []
 
 
-@pytest.mark.long
 def test_down_from_another_terminal_ends_a_driving_up(robot: Robot, terminal: Terminal) -> None:
     """By SIGTERM, as a service manager would."""
     _drive(robot, terminal)
@@ -418,7 +415,6 @@ def test_a_signal_while_it_still_waits_leaves_nothing_behind(robot: Robot, termi
     assert robot.pids() == {}
 
 
-@pytest.mark.long
 @pytest.mark.timeout(240)  # three starts of the stack
 def test_the_estop_outlives_the_whole_stack_and_up_and_status_say_how_to_reset_it(robot: Robot) -> None:
     assert "e-stop" not in robot.run("up", "--detach").stdout
@@ -496,7 +492,6 @@ def ros2_config(robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     return config
 
 
-@pytest.mark.long
 def test_a_ros_2_robot_comes_up_without_a_sim_is_seen_and_goes_down(
     robot: Robot, ros2_config: Path, tmp_path: Path
 ) -> None:
@@ -534,7 +529,6 @@ def test_a_ros_2_robot_comes_up_without_a_sim_is_seen_and_goes_down(
     assert robot.pids() == {}
 
 
-@pytest.mark.long
 def test_without_a_sim_only_the_supervisor_starts(robot: Robot) -> None:
     up = robot.run("up", "--detach", "--no-sim")
     assert up.returncode == 0, up.stderr
@@ -544,7 +538,6 @@ def test_without_a_sim_only_the_supervisor_starts(robot: Robot) -> None:
     assert list(seen["nodes"]) == ["supervisor", "teleop"]
 
 
-@pytest.mark.long
 def test_a_base_alone_starts_only_where_a_supervisor_answers(robot: Robot) -> None:
     refused = robot.run("up", "--only", "sim")
     _refused(refused, r"no supervisor answers at .*, and sim cannot run without one")

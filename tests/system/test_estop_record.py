@@ -55,6 +55,7 @@ def _heard(status: SafetyStatus, *, neutral: bool) -> bool:
     )
 
 
+@pytest.mark.smoke
 async def test_a_killed_supervisor_comes_back_with_the_estop_latched_until_the_operator_resets_it(
     tmp_path: Path,
 ) -> None:
@@ -70,7 +71,7 @@ async def test_a_killed_supervisor_comes_back_with_the_estop_latched_until_the_o
         await subject.drive()
 
 
-@pytest.mark.parametrize("victim", [topics.TELEOP, pytest.param(topics.SIM, marks=pytest.mark.long)])
+@pytest.mark.parametrize("victim", [topics.TELEOP, topics.SIM])
 async def test_the_estop_stays_latched_when_another_process_is_killed(tmp_path: Path, victim: str) -> None:
     async with robot(tmp_path) as subject:
         await subject.drive()
@@ -137,8 +138,8 @@ def disk(tmp_path: Path) -> Generator[Path]:
     "spoil",
     [
         without_space,
-        pytest.param(without_inodes, marks=pytest.mark.long),
-        pytest.param(read_only, marks=pytest.mark.long),
+        without_inodes,
+        read_only,
     ],
 )
 async def test_a_robot_on_a_disk_that_holds_no_record_moves_neither_before_an_estop_nor_after_a_restart(
@@ -162,7 +163,6 @@ async def test_a_robot_on_a_disk_that_holds_no_record_moves_neither_before_an_es
         await subject.drive()
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("spoil", [without_space, without_inodes])
 async def test_an_estop_on_a_disk_that_became_full_while_the_robot_drove_outlives_the_supervisor(
     spoil: Callable[[Path], None], tmp_path: Path, disk: Path
@@ -183,7 +183,6 @@ async def test_an_estop_on_a_disk_that_became_full_while_the_robot_drove_outlive
         await subject.drive()
 
 
-@pytest.mark.long
 async def test_a_driving_robot_stops_when_its_disk_becomes_read_only_until_the_disk_is_repaired(
     tmp_path: Path, disk: Path
 ) -> None:
@@ -246,7 +245,6 @@ def as_another_user(*command: str | Path) -> int:
     return subprocess.run(command, user=NOBODY, group=NOBODY, extra_groups=[], check=False).returncode
 
 
-@pytest.mark.long
 async def test_a_robot_whose_state_directory_others_can_change_does_not_move_until_it_is_repaired(
     tmp_path: Path, shared: Path
 ) -> None:
@@ -274,7 +272,6 @@ async def test_a_robot_whose_state_directory_others_can_change_does_not_move_unt
         await subject.drive()
 
 
-@pytest.mark.long
 async def test_a_supervisor_that_cannot_read_the_record_starts_latched_and_says_what_is_wrong(
     tmp_path: Path,
 ) -> None:

@@ -151,7 +151,6 @@ async def test_a_stopped_station_stops_the_robot_within_its_lease(tmp_path: Path
         await drive(subject)
 
 
-@pytest.mark.long
 async def test_a_replay_of_recorded_presence_by_another_client_proves_nothing(tmp_path: Path) -> None:
     async with site(tmp_path) as subject:
         rogue = open_rogue(participants(subject.endpoint))
@@ -184,7 +183,7 @@ async def test_a_replay_of_recorded_presence_by_another_client_proves_nothing(tm
             rogue.close()  # pyright: ignore[reportUnknownMemberType]
 
 
-@pytest.mark.long
+@pytest.mark.smoke
 async def test_any_zenoh_client_can_be_a_station(tmp_path: Path) -> None:
     """With no code of this project: it answers each challenge with 18 bytes of CDR."""
     async with site(tmp_path) as subject:
@@ -259,7 +258,6 @@ async def test_one_lost_station_of_two_stops_the_robot(tmp_path: Path) -> None:
         await refused(subject, "station hall is not heard")
 
 
-@pytest.mark.long
 async def test_a_station_that_leaves_says_that_it_stops_the_robot(tmp_path: Path) -> None:
     async with site(tmp_path) as subject:
 
@@ -280,7 +278,6 @@ async def test_a_station_that_leaves_says_that_it_stops_the_robot(tmp_path: Path
         await patiently(attempt)
 
 
-@pytest.mark.long
 async def test_a_supervisor_that_is_killed_during_the_latch_starts_latched(tmp_path: Path) -> None:
     config = config_with(tmp_path, door=True)
     async with robot(tmp_path, config=config) as subject:
@@ -309,7 +306,7 @@ async def test_a_supervisor_that_is_killed_during_the_latch_starts_latched(tmp_p
 # --- the terminal
 
 
-@pytest.mark.long
+@pytest.mark.smoke
 async def test_before_the_supervisor_runs_the_station_is_not_heard_and_keeps_a_press(tmp_path: Path) -> None:
     config, endpoint = config_with(tmp_path, door=True), free_endpoint()
     async with station(endpoint) as door:

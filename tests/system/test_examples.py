@@ -16,9 +16,10 @@ from wire import topics
 
 PAGE = ROOT / "docs/how-to/command-source.md"
 
-pytestmark = [pytest.mark.timeout(120), pytest.mark.long]
+pytestmark = pytest.mark.timeout(120)
 
 
+@pytest.mark.smoke
 async def test_a_command_source_drives_forward_and_back_and_is_lost_when_it_is_killed(tmp_path: Path) -> None:
     config = tmp_path / "robot.toml"
     (fragment,) = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)

@@ -140,7 +140,6 @@ async def test_a_base_follows_a_hub_of_its_own_user_at_the_tcp_endpoint(
 
 
 @needs_root
-@pytest.mark.long
 async def test_a_base_that_reconnects_to_another_user_at_the_same_port_stays_braked_until_that_hub_is_gone(
     tmp_path: Path, elsewhere: Path
 ) -> None:
@@ -299,7 +298,7 @@ async def put_until(hub: zenoh.Session, payload: bytes, condition: Callable[[], 
             await asyncio.sleep(0.001)
 
 
-@pytest.mark.long
+@pytest.mark.smoke
 async def test_a_restarted_supervisor_is_proven_again(tmp_path: Path) -> None:
     async with robot(tmp_path) as subject:
         await subject.drive()

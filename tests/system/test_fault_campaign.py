@@ -145,6 +145,7 @@ def test_a_campaign_that_is_interrupted_keeps_what_it_has_and_leaves_nothing_beh
     assert len(list(read_trials(campaign.out))) >= 1
 
 
+@pytest.mark.smoke
 def test_a_campaign_that_is_killed_is_cleaned_up_after(campaign: Campaign) -> None:
     running = campaign.start("--classes", "net_unplugged", "--trials", "1")
     deadline_s = time.monotonic() + LIMIT_S

@@ -21,7 +21,7 @@ from tests.system.rogue import open_rogue
 from wire import topics
 from wire.messages import Point, SafetyStatus, encode, planar_twist
 
-pytestmark = pytest.mark.timeout(120)
+pytestmark = [pytest.mark.timeout(120), pytest.mark.smoke]
 
 
 def say(text: str) -> None:
@@ -260,8 +260,8 @@ async def test_a_rogue_put_on_cmd_vel_never_reaches_the_base(tmp_path: Path) -> 
     "order",
     [
         "teleop sim supervisor",
-        pytest.param("sim supervisor teleop", marks=pytest.mark.long),
-        pytest.param("teleop supervisor sim", marks=pytest.mark.long),
+        "sim supervisor teleop",
+        "teleop supervisor sim",
     ],
 )
 async def test_any_start_order_comes_to_drivable(tmp_path: Path, order: str) -> None:

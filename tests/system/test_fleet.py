@@ -21,8 +21,6 @@ from tests.system.routers import LIFELINE, router
 from wire.host.notify import TURN_LIMIT_S
 from wire.roles import ANY, Role
 
-pytestmark = pytest.mark.long
-
 ROBOTS = ("robot1", "robot2")
 ALL = [f"--expect={name}" for name in ROBOTS]
 """A command that expects no robot ends half a second after its start. On a busy machine, it may not have received everything."""
@@ -111,6 +109,7 @@ def test_a_fleet_is_listed_and_stopped_and_a_robot_that_does_not_answer_is_named
         assert [name for name, row in listed.items() if "ESTOP" in row["reasons"]] == list(ROBOTS)
 
 
+@pytest.mark.smoke
 @pytest.mark.timeout(300)
 def test_a_watched_fleet_prints_the_end_of_one_robot_while_the_others_go_on(tmp_path: Path) -> None:
     endpoint = free_endpoint()

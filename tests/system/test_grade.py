@@ -59,7 +59,6 @@ def grade(
     return output, {one.fault.value: one.points / one.of for one in marks if one.of}
 
 
-@pytest.mark.long
 def test_a_bare_teleop_leaves_the_robot_driving_and_two_of_them_fight(tmp_path: Path) -> None:
     page, xml = tmp_path / "grade.html", tmp_path / "grade.xml"
     files = ["--html", str(page), "--junit", str(xml)]
@@ -71,7 +70,6 @@ def test_a_bare_teleop_leaves_the_robot_driving_and_two_of_them_fight(tmp_path: 
     assert ET.parse(xml).getroot().get("failures") == "3"
 
 
-@pytest.mark.long
 def test_what_the_program_starts_may_stop_the_robot_unless_it_is_killed_too(tmp_path: Path) -> None:
     options = ["--keys", "w", "--stop-key", "s", "--rubric", str(rubric(tmp_path, "killed"))]
     output, marks = grade(tmp_path, options, (*STUDENT, "--guard"), 0)
@@ -80,7 +78,6 @@ def test_what_the_program_starts_may_stop_the_robot_unless_it_is_killed_too(tmp_
     assert marks["killed"] == 0.0, output
 
 
-@pytest.mark.long
 def test_a_rest_before_a_pillar_is_no_stop_and_a_second_instance_that_begins_too_late_is_not_tested(
     tmp_path: Path,
 ) -> None:
@@ -99,7 +96,6 @@ def test_a_rubric_without_points_grades_nothing(tmp_path: Path) -> None:
     assert marks == {}
 
 
-@pytest.mark.long
 def test_behind_the_supervisor_lifelines_teleop_stops_and_stays_stopped(tmp_path: Path) -> None:
     teleop = (sys.executable, "-m", "teleop", "--endpoint", "{endpoint}")
     only = ["--rubric", str(rubric(tmp_path, "killed", "stopped", "resumed"))]
@@ -110,6 +106,7 @@ def test_behind_the_supervisor_lifelines_teleop_stops_and_stays_stopped(tmp_path
     assert marks["resumed"] == 1.0, output
 
 
+@pytest.mark.smoke
 def test_a_program_that_ends_cannot_be_graded_and_its_last_lines_say_why(tmp_path: Path) -> None:
     ends = (sys.executable, "-c", "raise SystemExit('no \\x1b[31mkeyboard')")
     output, marks = grade(tmp_path, [], ends, 2)

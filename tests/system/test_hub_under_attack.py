@@ -24,8 +24,6 @@ from wire import topics
 from wire.zenoh import limits
 from wire.zenoh.bus import BusConfig, open_bus
 
-pytestmark = pytest.mark.long
-
 ATTACKER = Path(__file__).with_name("hub_attacker.py")
 FOR_S = 0.6
 """How long an attack lasts, after it is under way."""

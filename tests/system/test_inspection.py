@@ -148,6 +148,7 @@ def test_the_list_names_each_topics_type_writer_and_rate(shared: Robot) -> None:
     assert entries["robot/teleop/cmd_vel"]["writers"] == []
 
 
+@pytest.mark.smoke
 def test_the_nodes_have_the_pids_of_their_processes(shared: Robot, tmp_path: Path) -> None:
     nodes = {one["node"]: one for one in listed(shared, "node", "list")}
     pids = {node: shared.pid(node) for node in (topics.SUPERVISOR, topics.SIM)}
@@ -224,7 +225,7 @@ MOMENTS = 10
 
 @pytest.mark.parametrize(
     "stamps",
-    ["slow", pytest.param("whole", marks=pytest.mark.long), pytest.param("constant", marks=pytest.mark.long)],
+    ["slow", "whole", "constant"],
 )
 async def test_scans_of_a_bridge_whose_stamps_do_not_run_like_real_time_are_named_as_the_cause(
     tmp_path: Path, stamps: str
@@ -362,7 +363,6 @@ def test_a_message_that_the_caller_may_not_publish_is_refused(
     assert words in errors
 
 
-@pytest.mark.long
 async def test_a_source_has_one_publisher_and_one_press_of_the_estop_is_published(tmp_path: Path) -> None:
     async with standing(tmp_path) as subject:
         holder = await start(subject, "topic", "pub", "path/cmd_vel", "{}")
@@ -379,7 +379,6 @@ async def test_a_source_has_one_publisher_and_one_press_of_the_estop_is_publishe
         await subject.until(lambda: "ESTOP" in subject.status.reasons, "the e-stop")
 
 
-@pytest.mark.long
 async def test_published_commands_drive_after_a_zero_and_end_without_a_lost_source(tmp_path: Path) -> None:
     async with standing(tmp_path) as subject:
 
@@ -415,6 +414,7 @@ def test_an_error_states_that_no_supervisor_answers(arguments: tuple[str, ...], 
     assert "no supervisor answers" in errors
 
 
+@pytest.mark.smoke
 def test_doctor_finds_what_prevents_motion(shared: Robot) -> None:
     with rogue_of(shared) as rogue:
         publisher = rogue.declare_publisher("robot/scan")
@@ -449,7 +449,6 @@ def test_a_program_that_does_not_reach_the_socket_is_shown_in_one_sentence_what_
     assert not any(one["check"] in {"base", "command source"} for one in json.loads(output))
 
 
-@pytest.mark.long
 async def test_doctor_distinguishes_a_supervisor_that_hangs_from_another_program(tmp_path: Path) -> None:
     async with standing(tmp_path) as subject:
         pid = subject.pid("supervisor")
@@ -474,7 +473,6 @@ def test_records_of_this_machine_are_ignored_for_a_robot_on_another(tmp_path: Pa
         assert "lifeline up" not in text
 
 
-@pytest.mark.long
 def test_doctor_names_the_program_that_holds_the_port(tmp_path: Path) -> None:
     subject = Robot(free_endpoint(), tmp_path)
     port = int(subject.endpoint.rpartition(":")[2])

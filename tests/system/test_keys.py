@@ -23,8 +23,6 @@ from wire.messages import planar_twist
 from wire.roles import Role
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
-pytestmark = pytest.mark.long
-
 WITHIN_S = 60.0
 """Time limit for expected events on a loaded machine: a refused client first tries twice, and waits 10 s after a vain attempt."""
 LIFETIME_S = 4.0
@@ -235,6 +233,7 @@ def test_an_estop_with_a_certificate_that_may_not_stop_says_so(
     assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.smoke
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 async def test_a_client_without_a_certificate_or_with_a_foreign_one_is_refused(
     ours: TestAuthority, theirs: TestAuthority, tmp_path: Path, protocol: str
@@ -434,6 +433,7 @@ def lifeline(*arguments: object) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.smoke
 def test_the_commands_make_list_and_revoke_certificates(tmp_path: Path) -> None:
     keys = ["--keys", tmp_path / "keys"]
     early = lifeline("keys", "issue", "alice", "--role", "operator", *keys)

@@ -18,6 +18,8 @@ from lifeline.cli.app import app
 from tests.system.namespaces import Shell, needs_namespaces, shell
 from tests.system.operators import ROOT, until
 
+pytestmark = pytest.mark.smoke
+
 PAGE = ROOT / "docs/lab.md"
 EQUIVALENTS = ROOT / "docs/how-to/inspect.md"
 START_LIMIT_S = 60.0

@@ -29,7 +29,7 @@ from tests.system.operators import (
     until,
 )
 
-pytestmark = [pytest.mark.timed, pytest.mark.long]
+pytestmark = pytest.mark.timed
 TRIALS = 3
 DEFAULTS = Setup("", "", Control.INCREMENTAL)
 STEPS_M_S, HOLD_M_S = 0.3, 0.5

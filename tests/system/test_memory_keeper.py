@@ -22,8 +22,6 @@ from tests.system.harness import free_endpoint
 from tests.system.process_state import children_of, state_of
 from wire.host.memory_keeper import KEEP_S, NAME, RENEW_S, is_keeper
 
-pytestmark = pytest.mark.long
-
 LIMIT_S = 20.0
 OBJECTS = 2_000_000
 """Some 50 MB of them."""
@@ -298,6 +296,7 @@ def test_the_keeper_of_a_running_process_is_reported_after_the_limit(tmp_path: P
         assert processes.end_keepers(tmp_path, 0.0) == [Process(one.keeper, NAME)]
 
 
+@pytest.mark.smoke
 def test_the_supervisor_has_a_keeper_and_takes_it_along_when_it_ends() -> None:
     with subprocess.Popen([sys.executable, "-m", "supervisor", "--endpoint", free_endpoint()]) as process:
         try:

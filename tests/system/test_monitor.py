@@ -77,7 +77,6 @@ async def until_scraped(subject: Robot, address: str, holds: Callable[[Samples],
     return samples
 
 
-@pytest.mark.long
 async def test_watch_prints_a_row_of_a_robot_whatever_another_does(tmp_path: Path) -> None:
     nobody = free_endpoint()
     async with robot(tmp_path, teleop=False) as subject:
@@ -112,7 +111,6 @@ async def test_watch_prints_a_row_of_a_robot_whatever_another_does(tmp_path: Pat
     assert errors == ""
 
 
-@pytest.mark.long
 async def test_metrics_count_a_stop_and_never_go_backwards_when_the_supervisor_restarts(
     tmp_path: Path,
 ) -> None:
@@ -158,6 +156,7 @@ async def test_metrics_count_a_stop_and_never_go_backwards_when_the_supervisor_r
     assert errors == ""
 
 
+@pytest.mark.smoke
 def test_metrics_on_a_port_in_use_say_so_in_one_sentence() -> None:
     endpoint = free_endpoint()
     with subprocess.Popen(

@@ -20,8 +20,6 @@ from wire import topics
 from wire.host.installation import ENVIRONMENT
 from wire.host.notify import TURN_LIMIT_S
 
-pytestmark = pytest.mark.long
-
 LIMIT_S = 1.0
 """`WatchdogSec` of the supervisor's unit."""
 PERIOD_S = LIMIT_S / 4
@@ -149,6 +147,7 @@ def test_a_program_under_exec_is_reported_while_it_runs_and_cannot_report_itself
     silent.close()
 
 
+@pytest.mark.smoke
 def test_a_receiver_that_never_reads_does_not_delay_the_robot(systemd: Systemd, tmp_path: Path) -> None:
     """The queue of the socket fills up, and the supervisor still ends on request."""
     with started(systemd, tmp_path, "-m", topics.SUPERVISOR, "--endpoint", free_endpoint()) as process:

@@ -125,6 +125,7 @@ async def test_a_terminal_that_does_not_report_its_wheel_is_asked_only_a_few_tim
 # --- key releases
 
 
+@pytest.mark.smoke
 async def test_a_held_key_ends_when_teleop_is_stopped_and_continued() -> None:
     endpoint = free_endpoint()
     async with hub(endpoint) as h, operator(endpoint, *HOLD, kitty=ALL_FLAGS) as op:
@@ -315,6 +316,7 @@ async def test_a_key_of_another_terminal_moves_nothing_if_a_slow_link_cuts_it(
 CTRL_SPACES = (b"\0", b"\x1b[27;5;32~", b"\x1b[32;5u", b"\x1b[32;57;32;1;8;1_")
 
 
+@pytest.mark.smoke
 async def test_ctrl_space_is_the_emergency_stop_in_each_coding() -> None:
     async with driving() as (h, op):
         for space in CTRL_SPACES:

@@ -132,6 +132,7 @@ def runs(site: Site) -> bool:
     return any(one.name == topics.SUPERVISOR and one.state in supervisord.STARTED for one in programs)
 
 
+@pytest.mark.smoke
 def test_without_a_terminal_nothing_moves_and_it_says_why(site: Site) -> None:
     refused = run("passport", "measure", str(site.file), "--out", str(site.out))
     assert refused.returncode == 2

@@ -21,7 +21,7 @@ from wire.bus import Subscription
 from wire.messages import LaserScan, Odometry, Point, SafetyStatus
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
-pytestmark = [pytest.mark.timeout(120), pytest.mark.long]
+pytestmark = pytest.mark.timeout(120)
 
 START_M = (-4.5, 0.0)
 PILLAR_AHEAD_M = 4.0

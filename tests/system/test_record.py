@@ -101,6 +101,7 @@ async def test_a_recorder_that_is_killed_or_has_no_room_loses_about_a_second_and
     assert len(odometry_times_ns(full.file)) > 25
 
 
+@pytest.mark.smoke
 def test_without_a_robot_it_says_so_and_makes_no_file(tmp_path: Path) -> None:
     file = tmp_path / "a.mcap"
     command = lifeline("record", str(file), "--endpoint", free_endpoint())

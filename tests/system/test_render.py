@@ -47,7 +47,6 @@ async def drive_away(subject: Robot, distance_m: float) -> None:
     await subject.until(lambda: abs(subject.speed_m_s) < 0.005, "standstill")
 
 
-@pytest.mark.long
 @needs_gl
 async def test_a_driven_robot_is_drawn_where_it_stands_and_its_recording_is_a_film_of_its_length(
     tmp_path: Path,
@@ -122,7 +121,6 @@ def render(tmp_path: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 @needs_gl
-@pytest.mark.long
 def test_where_no_robot_runs_a_new_one_is_drawn_and_the_command_says_so(tmp_path: Path) -> None:
     done = render(tmp_path, "--seconds", "0.1")
     assert done.returncode == 0, done.stderr

@@ -18,8 +18,6 @@ from wire import topics
 from wire.bus import Inbox, LivelinessChange
 from wire.topics import EXEC_SUFFIX
 
-pytestmark = pytest.mark.long
-
 TOKEN = f"joy{EXEC_SUFFIX}"
 RUNNING = "import os, signal, sys, time; print('running', flush=True); "
 SLEEPS = RUNNING + "time.sleep(60)"
@@ -127,6 +125,7 @@ async def test_the_token_and_the_program_go_at_once_when_the_wrapper_is_killed(t
         assert wrapper.wait(PATIENCE_S) == -signal.SIGKILL
 
 
+@pytest.mark.smoke
 async def test_the_token_exists_before_the_program_starts_and_its_exit_code_is_passed_on(
     tmp_path: Path,
 ) -> None:

@@ -27,8 +27,6 @@ from wire.roles import ANY, Role
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 from wire.zenoh.router import RouterConfig, region_name, settings
 
-pytestmark = pytest.mark.long
-
 WITHIN_S = 30.0
 SETTLED_S = 0.5
 """How long nothing must arrive that is refused; what is allowed arrives within milliseconds."""
@@ -135,6 +133,7 @@ def _drop() -> Generator[None]:
     kept.clear()
 
 
+@pytest.mark.smoke
 @pytest.mark.parametrize("protocol", ["tls", "quic"])
 async def test_an_operator_reaches_a_robot_that_dialled_out(tmp_path: Path, protocol: str) -> None:
     async with site(tmp_path, protocol) as made:

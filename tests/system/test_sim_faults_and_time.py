@@ -120,7 +120,7 @@ async def test_real_time_is_kept_and_a_stall_is_reported(tmp_path: Path) -> None
         )
 
 
-@pytest.mark.long
+@pytest.mark.smoke
 async def test_a_paused_sim_is_stale_and_steps_and_runs_on_request(tmp_path: Path) -> None:
     async with robot(tmp_path) as subject:
         await subject.drive()

@@ -39,6 +39,7 @@ async def lost(subject: Robot) -> None:
     )
 
 
+@pytest.mark.smoke
 async def test_a_press_latches_the_estop_and_a_closed_connection_is_the_loss_of_the_station(
     tmp_path: Path,
 ) -> None:
@@ -68,7 +69,6 @@ async def test_a_robot_that_drives_stops_when_the_connection_of_the_page_closes(
         await refused(subject, "station phone is not heard")
 
 
-@pytest.mark.long
 async def test_a_page_that_is_silent_on_an_open_connection_loses_its_lease_and_then_its_connection(
     tmp_path: Path,
 ) -> None:
@@ -149,7 +149,6 @@ def upgrade(server: Server) -> bytes:
     ).encode()
 
 
-@pytest.mark.long
 async def test_strangers_keep_no_new_page_away_and_their_connections_end(tmp_path: Path) -> None:
     async with served(tmp_path) as (subject, server):
         request = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n".encode()
@@ -198,7 +197,6 @@ async def test_a_stranger_that_sends_much_is_cut_off_and_the_page_that_is_open_i
         await subject.never(lambda: LOST in subject.status.causes, "lost beside a stranger", 0.5)
 
 
-@pytest.mark.long
 async def test_pages_of_other_servers_and_names_are_refused(tmp_path: Path) -> None:
     async with served(tmp_path) as (_, server):
         for origin in (None, "null", "http://evil.example", f"https://127.0.0.1:{server.port}"):
@@ -224,6 +222,7 @@ async def test_pages_of_other_servers_and_names_are_refused(tmp_path: Path) -> N
         page.close()
 
 
+@pytest.mark.smoke
 async def test_a_code_counts_once_whatever_others_guess(tmp_path: Path) -> None:
     async with served(tmp_path) as (subject, server):
         code = (await server.new_address()).partition("#")[2]
@@ -236,7 +235,6 @@ async def test_a_code_counts_once_whatever_others_guess(tmp_path: Path) -> None:
                 assert await second.closed() == NOT_PAIRED
 
 
-@pytest.mark.long
 async def test_a_session_connects_again_in_the_place_of_its_old_connection(tmp_path: Path) -> None:
     async with served(tmp_path) as (subject, server), server.page() as page:
         await until(lambda: page.token)
@@ -293,7 +291,6 @@ async def test_a_page_with_several_connections_has_one_place_in_the_queue_and_on
                 sending.cancel()
 
 
-@pytest.mark.long
 async def test_a_page_too_many_is_refused(tmp_path: Path) -> None:
     async with served(tmp_path) as (_, server):
         pages: list[tuple[object, Page]] = []
@@ -321,7 +318,6 @@ def refusal_of(*arguments: str) -> str:
     return sentence
 
 
-@pytest.mark.long
 def test_what_cannot_be_served_is_refused_in_one_sentence(tmp_path: Path) -> None:
     assert refusal_of("--name", "front door").startswith("lifeline: 'front door' is not a name")
     with socket.create_server(("127.0.0.1", 0)) as busy:

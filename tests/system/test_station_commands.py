@@ -118,6 +118,7 @@ async def stays(subject: Robot) -> None:
     await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion", 0.5)
 
 
+@pytest.mark.smoke
 async def test_a_page_that_draws_nothing_new_is_stopped_and_drives_again_only_after_its_own_zero(
     tmp_path: Path,
 ) -> None:

@@ -106,6 +106,7 @@ async def answers(socket: ClientConnection, *kinds: str) -> dict[str, Any]:
     return message
 
 
+@pytest.mark.smoke
 async def test_the_next_picture_comes_when_the_page_has_drawn_this_one_and_shows_the_walls(
     tmp_path: Path,
 ) -> None:

@@ -77,6 +77,7 @@ async def test_the_supervisors_death_is_noticed_at_once_among_the_tokens_of_a_st
             stranger.close()
 
 
+@pytest.mark.smoke
 async def test_a_strangers_answer_to_a_reset_is_not_believed(tmp_path: Path) -> None:
     async with robot(tmp_path, teleop=False) as subject:
         assert subject.bus is not None

@@ -72,6 +72,7 @@ async def test_an_error_of_its_own_ends_it_with_code_1(failure: str) -> None:
         await until(lambda: h.is_left() and op.is_restored)
 
 
+@pytest.mark.smoke
 async def test_a_picture_that_nobody_reads_stops_the_robot_and_it_can_still_be_ended() -> None:
     async with driving() as (h, op):
         op.look(at=False)
@@ -304,6 +305,7 @@ def guard_of(pid: int) -> Generator[Callable[[], bool]]:
         os.close(pidfd)
 
 
+@pytest.mark.smoke
 @pytest.mark.parametrize("options", [(), ("--plain",), ("--mode", "hold")], ids=["screen", "plain", "hold"])
 async def test_a_kill_leaves_the_terminal_as_it_was(options: tuple[str, ...]) -> None:
     endpoint = free_endpoint()
@@ -373,6 +375,7 @@ async def test_ctrl_c_in_its_first_moments_ends_it_quietly() -> None:
             assert op.modes() == op.modes_before
 
 
+@pytest.mark.smoke
 async def test_a_second_operator_is_shown_who_holds_the_name() -> None:
     async with driving() as (h, op):
         async with operator(op.endpoint) as second:

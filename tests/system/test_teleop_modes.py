@@ -2,6 +2,8 @@
 
 import asyncio
 
+import pytest
+
 from tests.system.operators import (
     LIMIT_S,
     ZERO,
@@ -18,6 +20,8 @@ from tests.system.operators import (
 from wire import topics
 from wire.messages import SafetyStatus, odometry
 from wire.zenoh.bus import BusConfig, open_bus
+
+pytestmark = pytest.mark.smoke
 
 ALL_FLAGS = 31
 DISAMBIGUATE_ALONE = 1

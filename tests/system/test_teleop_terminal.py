@@ -29,6 +29,7 @@ from tests.system.operators import (
 from wire.messages import SafetyStatus
 
 
+@pytest.mark.smoke
 async def test_keys_arrive_as_twists_and_the_heartbeat_repeats_them() -> None:
     async with driving() as (h, op):
         op.type(b"wa")
@@ -145,6 +146,7 @@ async def test_keys_that_are_typed_over_a_slow_link_to_the_terminal_all_count() 
 SPACES = (b"\xc2\xa0", b"\xe3\x80\x80", b"\xe2\x80\xaf", b"\xa0", b"\x1b[160;4u", b"\0")
 
 
+@pytest.mark.smoke
 async def test_every_kind_of_space_is_the_emergency_stop() -> None:
     async with driving() as (h, op):
         for space in SPACES:
@@ -154,6 +156,7 @@ async def test_every_kind_of_space_is_the_emergency_stop() -> None:
             await drive_after_estop(h, op)
 
 
+@pytest.mark.smoke
 async def test_the_line_shows_what_the_supervisor_says_and_a_reset_its_answer() -> None:
     async with driving("--plain") as (h, op):
         await until(lambda: "SPACE" in op.output and "waiting for the supervisor" in op.output)
@@ -235,6 +238,7 @@ async def test_a_dumb_terminal_gets_no_control_sequences() -> None:
         assert "one line instead of a screen" in op.output
 
 
+@pytest.mark.smoke
 async def test_it_waits_for_the_hub_and_drives_when_it_comes() -> None:
     endpoint = free_endpoint()
     async with operator(endpoint) as op:

@@ -20,7 +20,6 @@ LONGEST_GAP_S = 2.0
 reason = why_not()
 pytestmark = [
     pytest.mark.timeout(120),
-    pytest.mark.long,
     pytest.mark.skipif(reason is not None, reason=str(reason)),
 ]
 

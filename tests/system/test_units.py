@@ -61,6 +61,7 @@ def systemd(tmp_path: Path) -> Generator[Systemd]:
     receiver.close()
 
 
+@pytest.mark.smoke
 @needs_systemd
 def test_systemd_accepts_every_unit(tmp_path: Path) -> None:
     written: list[str] = []
@@ -74,6 +75,7 @@ def test_systemd_accepts_every_unit(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.smoke
 @needs_systemd
 @pytest.mark.parametrize("name", EXPOSURE)
 def test_a_service_can_do_little_else(name: str) -> None:

@@ -21,7 +21,7 @@ from recordings.recording import RecordingReader
 from tests.system.harness import PATIENCE_S, Robot, free_endpoint, robot
 from tests.system.process_state import listening
 
-pytestmark = [pytest.mark.timeout(180), pytest.mark.long]
+pytestmark = pytest.mark.timeout(180)
 SHAPES = {
     "/odom/base_link/rings/stop",
     "/odom/base_link/rings/warning",
@@ -213,6 +213,7 @@ def port_of(endpoint: str) -> int:
     return int(endpoint.rpartition(":")[2])
 
 
+@pytest.mark.smoke
 async def test_the_web_viewer_listens_on_loopback_alone_and_its_page_may_connect_nowhere_else(
     tmp_path: Path,
 ) -> None:

@@ -22,7 +22,6 @@ from tests.system.xserver import XVFB, XServer, x_server
 from wire import topics
 
 pytestmark = [
-    pytest.mark.long,
     pytest.mark.skipif(XVFB is None, reason="there is no Xvfb: apt install xvfb"),
     pytest.mark.timeout(150),
 ]
@@ -114,6 +113,7 @@ def test_a_window_that_was_asked_for_and_cannot_open_is_refused_in_one_sentence(
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.smoke
 async def test_a_window_that_nobody_asked_for_and_cannot_open_holds_up_no_robot(tmp_path: Path) -> None:
     subject = Robot(free_endpoint(), tmp_path)
     try:

@@ -25,7 +25,6 @@ from tests.system.operators import (
 )
 from wire.messages import SafetyStatus
 
-pytestmark = pytest.mark.long
 VIGILANCE_S = 2.0
 LATE_S = 2.0
 """Delay of a busy machine. A program that no longer reads output also stops teleop, but 5 s later, when its buffers are full."""
@@ -91,6 +90,7 @@ async def test_the_display_of_one_line_asks_the_terminal_too_and_drives_at_full_
         await press_steps(h, op, b"wwww", 0.4)
 
 
+@pytest.mark.smoke
 async def test_key_releases_of_a_terminal_that_answers_no_status_requests_do_not_hold_a_motion() -> None:
     """The release that a dead link keeps back would never end it."""
     endpoint = free_endpoint()

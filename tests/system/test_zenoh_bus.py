@@ -25,6 +25,8 @@ from wire.stamp import Stamper
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 from wire.zenoh.session import MAX_REPLIES, MAX_SOURCE_NAME, SETTLE_S
 
+pytestmark = pytest.mark.smoke
+
 WITHIN_S = 20.0
 """Time limit for expected events on a loaded machine."""
 NAMED_KEYS = Path(__file__).with_name("named_keys.py")

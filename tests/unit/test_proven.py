@@ -27,6 +27,7 @@ def project(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.long
 def test_the_law_its_tests_and_what_they_import_are_sources() -> None:
     found = {str(path) for path in sources(ROOT)}
     law = {str(path.relative_to(ROOT)) for path in ROOT.glob("supervisor/law/*.py")}

@@ -56,6 +56,7 @@ def trial(seed: int = 1) -> Trial:
     )
 
 
+@pytest.mark.long
 @given(trials)
 def test_a_trial_comes_back_from_its_line_as_it_was(one: Trial) -> None:
     line = one.line()

@@ -68,6 +68,7 @@ def test_a_rehearsal_is_the_same_each_time() -> None:
     assert [shown[:4] for shown in first] == [shown[:4] for shown in second]
 
 
+@pytest.mark.long
 @needs_gl
 def test_a_film_has_its_frames_in_its_size_and_moves(tmp_path: Path) -> None:
     wanted = Wanted(tmp_path / "film.webp", scene="empty", size="160x90", seconds=1.2, fps=5.0, drive=True)

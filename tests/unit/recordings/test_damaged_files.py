@@ -189,6 +189,7 @@ def test_a_configuration_that_is_nested_or_long_is_refused_in_a_short_sentence(
     assert "Traceback" not in result.stderr
 
 
+@pytest.mark.long
 def test_damaged_files_of_every_kind_are_read_or_refused(tmp_path: Path) -> None:
     assert [(found.reader, found.what) for found in fuzz_files(0, 12, tmp_path)] == []
 

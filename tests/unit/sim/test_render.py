@@ -112,6 +112,7 @@ def test_a_point_lies_where_the_lidar_meets_something() -> None:
     assert any(is_of((0.2, 0.95, 1.0), seeing[place]) for place in zip(rows, columns, strict=True))
 
 
+@pytest.mark.long
 @needs_gl
 def test_the_same_moment_makes_the_same_pixels_and_another_moment_others() -> None:
     pictures: list[Pixels] = []

@@ -250,6 +250,7 @@ def test_what_happened_in_a_pause_of_the_whole_recording_breaks_no_rule(tmp_path
     assert stream(found, CMD_VEL).stale == 0
 
 
+@pytest.mark.long
 def test_what_follows_a_clock_that_was_set_back_is_judged(tmp_path: Path) -> None:
     found = judged(tmp_path, [*drive(20.0), *drive(wall_m=2.0)])
     assert totals(found) == {"OBSTACLE": 1}
@@ -381,6 +382,7 @@ def test_a_recording_that_is_compressed_needs_its_folder(tmp_path: Path) -> None
 ANY = st.sampled_from((0.0, -0.0, math.nan, math.inf, -math.inf, 1e308, -1e308, 5e-324, 1.0, -3.0))
 
 
+@pytest.mark.long
 @settings(max_examples=25)
 @given(
     st.lists(st.tuples(st.sampled_from((SCAN, ODOM, CMD_VEL)), ANY, ANY, st.integers(0, 400)), max_size=30)

@@ -255,6 +255,7 @@ def driven(drive: Callable[[Drive], object]) -> list[Event]:
     return steps.events
 
 
+@pytest.mark.long
 @given(st.integers(0, 2**20))
 def test_no_drive_of_the_law_breaks_a_rule(seed: int) -> None:
     monitors = Monitors(TIMEOUT_S)

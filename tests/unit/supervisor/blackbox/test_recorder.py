@@ -252,6 +252,7 @@ def test_a_supervisor_that_ends_writes_what_still_waits_for_its_tail(
 # --- recording
 
 
+@pytest.mark.long
 def test_the_window_reaches_back_60_s_from_the_stop_and_begins_with_an_older_state(
     drive: Drive, writer: WriterAtOnce
 ) -> None:
@@ -269,6 +270,7 @@ def test_the_window_reaches_back_60_s_from_the_stop_and_begins_with_an_older_sta
     assert document.header["left_out_for_memory"] == 0
 
 
+@pytest.mark.long
 def test_60_s_of_150_steps_a_second_and_360_beams_take_less_than_15_mb_in_few_pieces() -> None:
     """Few pieces, found by a soak: thousands of small blocks fragmented the heap, by 2.5 % in 40 minutes."""
     state = initial_state(CONFIG)
