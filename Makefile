@@ -31,7 +31,7 @@ NO_RCLPY := ROS 2 is not installed in /opt/ros/jazzy, and PyPI has no rclpy for 
   (only for CPython 3.11 to 3.14 on x86_64 Linux)
 NO_RMW_ZENOH := zenoh-ros2-sdk cannot be installed on this machine
 
-.PHONY: help setup ros2 test-ros2 run test unit component smoke system flaky first-minute timed demo proof proofs coverage fifth check bench bench-peers bench-robots bench-fleet bench-link docs picture passport mutation faults campaign
+.PHONY: help setup ros2 test-ros2 run test unit component smoke system flaky first-minute timed demo proof proofs coverage fifth check bench bench-peers bench-robots bench-fleet bench-link bench-station docs picture passport mutation faults campaign
 
 help: ## print this list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -133,6 +133,9 @@ bench-fleet: $(STAMP) ## measure 1 to 30 robots behind one router on this machin
 
 bench-link: $(STAMP) ## measure false stops over links that lose packets, in network namespaces (root; four minutes)
 	.venv/bin/python -m bench.link
+
+bench-station: $(STAMP) ## measure the page that drives, in Chromium, and an hour of driving (three hours; can be interrupted and resumed)
+	.venv/bin/python -m docs.generate.measure_station
 
 docs: $(STAMP) ## update the generated parts and the drawings of README.md and docs/
 	.venv/bin/python -m docs.generate

@@ -10,6 +10,7 @@ from docs.generate import (
     readme,
     safety_law,
     sections,
+    station,
 )
 
 DOCUMENTS: dict[str, sections.Parts] = {
@@ -23,6 +24,7 @@ DOCUMENTS: dict[str, sections.Parts] = {
     "docs/link.md": benches.LINK_PARTS,
     "docs/passport.md": fresh_runs.PARTS,
     "docs/safety-law.md": safety_law.PARTS,
+    "docs/station.md": station.PARTS,
 }
 
 

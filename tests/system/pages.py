@@ -27,10 +27,10 @@ CHALLENGES = count(1)
 
 
 class Server(Operator):
-    """`lifeline station --name phone` at a free port."""
+    """`lifeline station --name NAME` at a free port."""
 
-    def __init__(self, endpoint: str, config: Path, *more: str) -> None:
-        self._serve("station", "--name", "phone", "--endpoint", endpoint, "--config", str(config), *more)
+    def __init__(self, endpoint: str, config: Path, *more: str, name: str = "phone") -> None:
+        self._serve("station", "--name", name, "--endpoint", endpoint, "--config", str(config), *more)
 
     def _serve(self, *command: str) -> None:
         self.port = free_endpoint().rpartition(":")[2]

@@ -1,10 +1,10 @@
 """The page of an e-stop station in a real browser: touch, keys, closing, hiding, freezing, and SIGKILL."""
 
-import os
 import time
 from collections.abc import AsyncGenerator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
+from statistics import median
 
 import pytest
 
@@ -16,7 +16,7 @@ from wire import topics
 
 pytestmark = [needs_chromium, pytest.mark.timeout(180), pytest.mark.timed]  # Chromium uses the whole machine
 
-PRESSES = int(os.environ.get("LIFELINE_PRESSES", "5"))
+PRESSES = 5
 LATE_S = 0.3
 """How late a process may be beside other tests."""
 
@@ -204,7 +204,6 @@ async def test_the_page_loads_nothing_from_elsewhere_and_its_policy_refuses_noth
         assert await tab.evaluate("fetch('http://127.0.0.1:9/').catch((error) => error.name)") == "TypeError"
 
 
-@pytest.mark.timed
 @pytest.mark.timeout(120 + 30 * PRESSES)
 async def test_from_a_touch_to_zero_on_cmd_vel(tmp_path: Path) -> None:
     async with (
@@ -221,9 +220,4 @@ async def test_from_a_touch_to_zero_on_cmd_vel(tmp_path: Path) -> None:
             await tab.mouse("mouseReleased", 200, 300)
             await tab.shows("STOPPED", "Stopped from here")
             await release(subject, tab)
-        times_s.sort()
-        print(
-            f"\n    measured: a touch in the browser to zero on cmd_vel: median {times_s[len(times_s) // 2] * 1e3:.1f} ms, "
-            f"most {times_s[-1] * 1e3:.1f} ms, n = {len(times_s)}: {[round(time_s * 1e3, 1) for time_s in times_s]}"
-        )
-        assert times_s[len(times_s) // 2] < LATE_S
+        assert median(times_s) < LATE_S
