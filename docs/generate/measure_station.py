@@ -17,6 +17,7 @@ from pathlib import Path
 from random import Random
 
 import numpy as np
+import pytest
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed
 
@@ -45,6 +46,8 @@ HOLD_S = (0.05, 0.1)
 """How long a key moves the robot before an event: by chance, so that the event is at any time between two decisions."""
 MOST_REPEATS = 30
 """Of one event."""
+SLOW = (AssertionError, TimeoutError, ConnectionClosed, pytest.fail.Exception)
+"""What the parts of the tests raise if the machine delays something for too long."""
 STATIONS, ROUNDS, FRAME_S = ("phone", "door", "gate"), 2, 1.0 / 60.0
 LOOK_S = 0.05
 """Period of the person's looks."""
@@ -80,8 +83,11 @@ class Rig:
             await self.ending.aclose()
             folder = tempfile.TemporaryDirectory(prefix="lifeline-", ignore_cleanup_errors=True)
             profile = Path(self.ending.enter_context(folder)) / "profile"
-            self.chromium = await self.ending.enter_async_context(browser(profile))
-            await self.fresh_page()
+            try:
+                self.chromium = await self.ending.enter_async_context(browser(profile))
+                await self.fresh_page()
+            except SLOW as error:
+                raise AssertionError(_first(error)) from error
 
         await patiently(attempt)
 
@@ -219,8 +225,8 @@ async def run(one: Rig, act: Act, hold_s: float) -> Run:
         raise RuntimeError(f"the robot did not stop: {_first(error)}") from error
 
 
-def _first(error: AssertionError) -> str:
-    return str(error).partition(";")[0].partition("\n")[0]
+def _first(error: BaseException) -> str:
+    return str(error).partition(";")[0].partition("\n")[0] or type(error).__name__
 
 
 async def events(folder: Path, name: str, wanted: int, origin: Origin) -> list[Measured]:
@@ -237,7 +243,7 @@ async def events(folder: Path, name: str, wanted: int, origin: Origin) -> list[M
                 made = await run(one, act, chance.uniform(*HOLD_S))
                 why = str(StopReason.OVERRUN) if await one.was_late() else ""
                 await then(one)
-            except AssertionError as error:
+            except SLOW as error:
                 made, why = None, _first(error)
                 await one.fresh_browser()
             if made is not None and not why:
@@ -381,7 +387,7 @@ async def measure(part: str, wanted: float, origin: Origin) -> list[Measured]:
             if part in ACTS:
                 return await events(Path(name), part, int(wanted), origin)
             return await (gaps if part == GAPS else drive)(Path(name), wanted, origin)
-        except AssertionError as error:
+        except SLOW as error:
             raise RuntimeError(f"{part}: {_first(error)}") from error
 
 
