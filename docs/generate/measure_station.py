@@ -11,10 +11,11 @@ import json
 import math
 import tempfile
 import time
-from collections.abc import AsyncGenerator, Awaitable, Callable
+from collections.abc import AsyncGenerator, Awaitable, Callable, Iterable
 from contextlib import AsyncExitStack, asynccontextmanager, redirect_stdout, suppress
 from pathlib import Path
 from random import Random
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -191,12 +192,15 @@ async def rig(folder: Path) -> AsyncGenerator[Rig]:
             await made.ending.aclose()
 
 
-class Run:
-    """The times of one run [ms]: from the key to motion, from the event to zero, and of the reference."""
+class Run(NamedTuple):
+    """The times of one run [s]."""
 
-    def __init__(self, down_s: float, event_s: float, reference_s: tuple[float, float]) -> None:
-        self.down_ms, self.event_ms = 1e3 * down_s, 1e3 * event_s
-        self.reference_ms = tuple(1e3 * one_s for one_s in reference_s)
+    to_motion_s: float
+    """From the key."""
+    to_zero_s: float
+    """From the event."""
+    reference_s: tuple[float, float]
+    """Of the reference: to motion, and to zero."""
 
 
 async def run(one: Rig, act: Act, hold_s: float) -> Run:
@@ -239,12 +243,13 @@ async def events(folder: Path, name: str, wanted: int, origin: Origin) -> list[M
     runs, repeated, chance = list[Run](), dict[str, int](), Random(0)  # noqa: S311 - a delay, not a secret
     async with rig(folder) as one:
         while len(runs) < wanted:
+            made, why = None, ""
             try:
                 made = await run(one, act, chance.uniform(*HOLD_S))
                 why = str(StopReason.OVERRUN) if await one.was_late() else ""
                 await then(one)
-            except SLOW as error:
-                made, why = None, _first(error)
+            except SLOW as error:  # also after a complete run, which counts
+                why = _first(error) if made is None else why
                 await one.fresh_browser()
             if made is not None and not why:
                 runs.append(made)
@@ -255,14 +260,16 @@ async def events(folder: Path, name: str, wanted: int, origin: Origin) -> list[M
             progress(f"{name}: a run is repeated: {why}")
             if sum(repeated.values()) > MOST_REPEATS:
                 raise RuntimeError(f"{name}: more than {MOST_REPEATS} runs had to be repeated: {repeated}")
-    ended, events_ms = origin(), tuple(one.event_ms for one in runs)
-    to_motion_ms, to_zero_ms = zip(*(one.reference_ms for one in runs), strict=True)
+    ended = origin()
+
+    def case(named: str, times_s: Iterable[float], which: int) -> Case:
+        reference_ms = tuple(1e3 * one.reference_s[which] for one in runs)
+        return Case(named, tuple(1e3 * time_s for time_s in times_s), reference_ms, repeated, ended)
+
+    to_zero_s = [one.to_zero_s for one in runs]
     if name != KEYS:
-        return [Case(name, events_ms, to_zero_ms, repeated, ended)]
-    return [
-        Case("key-down", tuple(one.down_ms for one in runs), to_motion_ms, repeated, ended),
-        Case("key-up", events_ms, to_zero_ms, repeated, ended),
-    ]
+        return [case(name, to_zero_s, 1)]
+    return [case("key-down", [one.to_motion_s for one in runs], 0), case("key-up", to_zero_s, 1)]
 
 
 # --- gaps of cmd_vel
