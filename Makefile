@@ -34,7 +34,7 @@ NO_RMW_ZENOH := zenoh-ros2-sdk cannot be installed on this machine
 .PHONY: help setup ros2 test-ros2 run test unit component smoke system flaky first-minute timed demo proof proofs coverage fifth check bench bench-peers bench-robots bench-fleet bench-link bench-station docs picture passport mutation faults campaign
 
 help: ## print this list
-	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: $(STAMP) ## create the environment .venv from uv.lock
 

@@ -44,7 +44,7 @@ class Sheet:
 
 @dataclass(frozen=True)
 class Verdict:
-    """One target and its measurement: never a time of its own, but its ratio to a reference of the same run, or what it is above it."""
+    """One target and its measurement: the ratio to a reference of the same run, what is above it, or a time with the reference beside it."""
 
     what: str
     measured: float
