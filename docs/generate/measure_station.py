@@ -278,7 +278,8 @@ async def events(folder: Path, name: str, wanted: int, origin: Origin) -> list[M
 class Watcher:
     """A page without a browser: it answers the challenges, and draws the pictures."""
 
-    pictures = 0
+    def __init__(self) -> None:
+        self.pictures = 0
 
     async def draw(self, socket: ClientConnection) -> None:
         with suppress(ConnectionClosed):
