@@ -189,7 +189,8 @@ def times(cases: Iterable[Case]) -> Sheet:
         "95/95: upper 95 % confidence limit of the 95 % quantile; – with fewer than 59 runs.",
         "reference: from the put of the same change, motion or zero, by a source without a page, beside each run.",
         "repeated: runs that were repeated, because the machine delayed the supervisor (OVERRUN), or because the robot did not drive before the event.",
-        "Debian's Chromium without a window, on the robot's computer; the robot is simulated.",
+        "Debian's Chromium without a window, on the robot's computer; the robot is simulated. The page loses the focus by a `blur` event that is dispatched "
+        "in it.",
     )
 
 
