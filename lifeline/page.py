@@ -5,7 +5,6 @@ from typing import Any
 
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import ANY_BASE, Launch
-from deploy.stack.reach import check_may_drive
 from lifeline.view.ghost import stopping_of
 from lifeline.view.picture import Picture
 from lifeline.view.scene import scene_of
@@ -62,11 +61,10 @@ def wheel_of(launch: Launch) -> SourceWheel:
     """Return the command source with which a page drives.
 
     Raises:
-        DeployError: the robot's configuration is not known here, or neither it nor the certificate lets a page drive.
+        DeployError: the robot's configuration is not known here, or it does not have this source.
     """
     if ANY_BASE in launch.nodes:
         raise DeployError("--drive needs the robot's configuration: name it with --config")
-    check_may_drive(launch.bus)
     config, source = (
         launch.section("supervisor", SupervisorSection),
         launch.section("teleop", TeleopSection).source,

@@ -107,17 +107,28 @@ def _remove(name: str) -> None:
 
 def _open_tun(name: str) -> int:
     """Make a TUN device in a namespace; its file descriptor can be used from outside."""
-    with Path("/proc/thread-self/ns/net").open() as home:
-        with (NAMED / name).open() as there:
-            _enter(there.fileno())
+    with entered(NAMED / name):
         try:
             fd = os.open(TUN, os.O_RDWR | os.O_NONBLOCK)
             fcntl.ioctl(fd, _SET_INTERFACE, struct.pack("16sH", DEVICE.encode(), _IS_TUN | _NO_PACKET_INFO))
         except OSError as error:
             raise DeployError(f"cannot make a TUN device: {error.strerror}") from error
+    return fd
+
+
+@contextmanager
+def entered(namespace: Path) -> Generator[None]:
+    """Open sockets and devices in another network namespace: they stay in it, and the thread returns.
+
+    Raises:
+        DeployError: the kernel refuses.
+    """
+    with Path("/proc/thread-self/ns/net").open() as home, namespace.open() as there:
+        _enter(there.fileno())
+        try:
+            yield
         finally:
             _enter(home.fileno())
-    return fd
 
 
 def _enter(namespace_fd: int) -> None:

@@ -22,7 +22,8 @@ from cryptography.hazmat.primitives.serialization import (
 )
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from wire.roles import LISTENERS, Role, common_name
+from deploy.keys.register import WITH_HOSTS
+from wire.roles import Role, common_name
 
 AUTHORITY_LIFETIME = timedelta(days=3650)
 BACKDATED = timedelta(hours=1)
@@ -101,7 +102,7 @@ def sign(authority: bytes, authority_key: bytes, subject: Subject, now_s: float,
     lifetime = min(timedelta(seconds=lifetime_s), left)
     purposes = [ExtendedKeyUsageOID.CLIENT_AUTH]
     builder = _valid(x509.random_serial_number(), now_s, lifetime)
-    if subject.hosts and subject.role in LISTENERS:
+    if subject.hosts and subject.role in WITH_HOSTS:
         purposes.append(ExtendedKeyUsageOID.SERVER_AUTH)
         hosts = x509.SubjectAlternativeName(_general_names(subject.hosts))
         builder = builder.add_extension(hosts, critical=False)

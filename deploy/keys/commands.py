@@ -23,8 +23,9 @@ from deploy.keys.register import (
 )
 from deploy.stack.errors import DeployError
 from deploy.stack.table import Column, Table
+from wire.bundle import AUTHORITY
 from wire.host.installation import runnable
-from wire.roles import Role
+from wire.roles import SERVERS, Role
 from wire.text import printable
 
 
@@ -93,13 +94,22 @@ def issued_sentences(issued: dict[str, Any]) -> list[str]:
     bundle, name = issued["bundle"], issued["name"]
     hosts = f" for the hosts {', '.join(issued['hosts'])}" if issued["hosts"] else ""
     role = issued["common_name"].partition("@")[0]
+    is_until = f"{name} is {issued['common_name']} until {issued['ends']}{hosts}"
+    if hosts and role not in SERVERS:
+        drive, quoted = " --drive" if role == Role.OPERATOR else "", shlex.quote(bundle)
+        return [
+            is_until,
+            f"on this computer, serve a page with `lifeline station --open{drive} --keys {quoted}`",
+            f"on another computer, first copy the bundle: scp -r {quoted} HOST:",
+            f"install {AUTHORITY} of the bundle on the phone as a certificate authority",
+        ]
     if role == Role.ROUTER:
         start = f"start `lifeline router --listen tls/0.0.0.0:7448 --keys {name} --robot NAMESPACE`"
     else:
         endpoint = "quic/0.0.0.0:7447" if role == Role.SUPERVISOR else "quic/ROBOT:7447"
         start = f"start programs with --endpoint {endpoint} --keys {name}, or write both into robot.toml, section [bus]"
     return [
-        f"{name} is {issued['common_name']} until {issued['ends']}{hosts}",
+        is_until,
         f"copy the bundle to the computer of {name}: scp -r {shlex.quote(bundle)} HOST:",
         f"there, {start}",
     ]

@@ -22,6 +22,8 @@ HOST = re.compile(
 )
 END_OF_DATES_S = 253_402_300_800
 """The year 10000, in seconds since the epoch."""
+WITH_HOSTS = (*LISTENERS, Role.OPERATOR)
+"""Whose certificates may name hosts: an operator also serves a page to browsers, if this page drives."""
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 """Hosts in the certificate of everything that listens."""
 
@@ -124,9 +126,9 @@ def subject_of(register: Register, request: Request) -> tuple[str, Role, str, tu
             "revoked"
         )
     hosts = request.hosts if request.hosts is not None else before.hosts if before else ()
-    if hosts and role not in LISTENERS:
+    if hosts and role not in WITH_HOSTS:
         raise RefusedError(
-            f"--host is for the roles {', '.join(LISTENERS)} only, which others connect to; {name} is {role}"
+            f"--host is for the roles {', '.join(WITH_HOSTS)} only, which others connect to; {name} is {role}"
         )
     if not hosts and role not in SERVERS:
         return name, role, robot, ()

@@ -77,23 +77,26 @@ async def check_refusal(config: BusConfig) -> None:
         raise DeployError(refused)
 
 
-def check_may_stop(config: BusConfig) -> None:
+def check_may_stop(config: BusConfig, issue: str = "") -> None:
     """Refuse a certificate whose role may not stop a robot: the supervisor would ignore its e-stop silently.
+
+    Args:
+        config: with the bundle.
+        issue: the command that issues a certificate which may stop; empty: one for any name.
 
     Raises:
         DeployError: the role may not stop, or the bundle is refused.
     """
-    issue = f"`lifeline keys issue NAME --role estop --robot {config.namespace}`"
+    issue = issue or f"`lifeline keys issue NAME --role estop --robot {config.namespace}`"
     _check_role(config, STOPPERS, f"stop: use one of {issue}")
 
 
-def check_may_drive(config: BusConfig) -> None:
-    """Refuse a certificate whose role may not drive a robot.
+def check_may_drive(config: BusConfig, issue: str) -> None:
+    """Refuse a certificate whose role may not drive a robot; the arguments are those of `check_may_stop`.
 
     Raises:
         DeployError: the role may not drive, or the bundle is refused.
     """
-    issue = f"`lifeline keys issue NAME --role operator --robot {config.namespace}`"
     _check_role(config, (Role.OPERATOR,), f"drive: use one of {issue}")
 
 

@@ -43,6 +43,18 @@ Open = Annotated[
     ),
 ]
 Yes = Annotated[bool, typer.Option("--yes", help="With --open: do not ask.")]
+PassportFile = Annotated[
+    Path | None,
+    option(
+        "--passport",
+        "FILE",
+        "Show the first sentence of this signed passport of the robot's configuration on the station's page.",
+    ),
+]
+Authority = Annotated[
+    Path | None,
+    option("--authority", "PEM", "Certificate of the authority of --passport. Default: that of --keys."),
+]
 PORT = 8470
 Clockwise = Annotated[bool, typer.Option("--clockwise", help="Turn right instead of left.")]
 
@@ -87,6 +99,8 @@ def up(
     port: Port = PORT,
     is_open: Open = False,
     yes: Yes = False,
+    passport: PassportFile = None,
+    authority: Authority = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="With --detach: print the address and teleop's command as JSON.")
     ] = False,
@@ -111,13 +125,15 @@ def up(
     progress = note if as_json else say
     detach = detach or bool(only)
     if not station:
-        if drive:
-            raise DeployError("--drive lets the page of a station drive: add --station")
+        given = {"--drive": drive, "--open": is_open, "--passport": passport, "--authority": authority}
+        if (first := next(filter(given.get, given), None)) is not None:
+            raise DeployError(f"{first} is for the page of a station: add --station")
         return up(StateDir.choose(state_dir), launch, progress, detach=detach, as_json=as_json)
     require("station")
+    from lifeline.page_certificate import Page
     from lifeline.station import beside, print_code
 
-    launch = beside(launch, "phone", port, is_open=is_open, may_open=yes, drives=drive)
+    launch = beside(launch, Page("phone", port, is_open, yes, drive, passport, authority))
     return up(
         StateDir.choose(state_dir),
         launch,
@@ -187,18 +203,8 @@ def station(
             help="Let one page drive the robot, as the command source of teleop, which must not run.",
         ),
     ] = False,
-    passport: Annotated[
-        Path | None,
-        option(
-            "--passport",
-            "FILE",
-            "Show the first sentence of this signed passport of the robot's configuration.",
-        ),
-    ] = None,
-    authority: Annotated[
-        Path | None,
-        option("--authority", "PEM", "Certificate of the authority of --passport. Default: that of --keys."),
-    ] = None,
+    passport: PassportFile = None,
+    authority: Authority = None,
     new_code: Annotated[
         bool, typer.Option("--new-code", help="Only print a new code of the page of `lifeline up --station`.")
     ] = False,
@@ -208,6 +214,7 @@ def station(
     The page opens with a code that counts once, within a minute. The robot stops if the page of a required station closes, hides or hangs.
     """
     require("station")
+    from lifeline.page_certificate import Page
     from lifeline.station import print_code, run
 
     if new_code:
@@ -215,12 +222,7 @@ def station(
 
         print_code(new_station_address(robot.state))
         return
-    shown = ""
-    if passport is not None:
-        from lifeline.own_passport import sentence_of
-
-        shown = sentence_of(robot.launch, passport, authority)
-    run(robot.launch, name, port, is_open=is_open, may_open=yes, drives=drive, passport=shown)
+    run(robot.launch, Page(name, port, is_open, yes, drive, passport, authority))
 
 
 @command(app)

@@ -28,7 +28,10 @@ from supervisor.service import STALLED
 from tests.system import fake_ros2
 from tests.system.ports import free_endpoint
 from tests.system.rogue import freezing
+from tests.unit.lifeline.test_own_passport import passport_of
+from tests.unit.passport.test_reading import bundle
 from wire import topics
+from wire.bundle import AUTHORITY
 from wire.bus import NoReplyError
 from wire.messages import Bool
 from wire.zenoh.bus import BusConfig, open_bus
@@ -194,9 +197,9 @@ def test_a_station_beside_the_nodes_opens_to_the_network_only_as_the_command_sta
 
 
 def test_a_page_beside_the_nodes_that_cannot_drive_starts_nothing(robot: Robot, tmp_path: Path) -> None:
-    _refused(
-        robot.run("up", "--detach", "--drive"), "--drive lets the page of a station drive: add --station"
-    )
+    for option in ("--drive", "--open", "--passport=page.html", "--authority=authority.pem"):
+        name = option.partition("=")[0]
+        _refused(robot.run("up", "--detach", option), f"{name} is for the page of a station: add --station")
     _refused(
         robot.run("up", "--station", "--drive"), "a new code for the page needs a terminal: add --detach"
     )
@@ -205,6 +208,24 @@ def test_a_page_beside_the_nodes_that_cannot_drive_starts_nothing(robot: Robot, 
     drives = ("--detach", "--station", "--drive", "--config", str(config))
     _refused(
         robot.run("up", *drives), r"--drive: \[teleop\] source = 'guest' is not in \[supervisor\] sources"
+    )
+    assert robot.pids() == {}
+
+
+def test_a_passport_that_the_page_beside_the_nodes_cannot_show_starts_nothing(
+    robot: Robot, tmp_path: Path
+) -> None:
+    config, other = tmp_path / "robot.toml", tmp_path / "other.toml"
+    config.write_text(DEFAULT_CONFIG.read_text())
+    other.write_text(f"{DEFAULT_CONFIG.read_text()}\n")
+    keys = bundle(tmp_path / "keys")
+    passport = ("--passport", str(passport_of(config, keys)))
+    up = ("up", "--detach", "--station", *passport)
+    _refused(robot.run(*up, "--config", str(config)), "name its certificate with --authority")
+    trusting = ("--authority", str(keys / AUTHORITY))
+    _refused(
+        robot.run(*up, *trusting, "--config", str(other)),
+        "was measured with another configuration than .*other.toml: measure this robot again",
     )
     assert robot.pids() == {}
 

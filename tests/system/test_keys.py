@@ -269,14 +269,14 @@ async def test_a_supervisor_under_another_name_is_refused(
         await until(lambda: "it is not for the host to which the client connects" in log(), "a sentence")
 
 
-@pytest.mark.parametrize("server", ["web", "page"])
+@pytest.mark.parametrize("server", ["web", "page", "driver"])
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 async def test_a_server_of_another_role_is_refused_at_once_and_after_a_reconnect(
     ours: TestAuthority, monkeypatch: pytest.MonkeyPatch, protocol: str, server: str
 ) -> None:
     """Zenoh also trusts the public authorities of the web, which certify any host of their customers.
 
-    An e-stop station may serve a page at a host, but is no hub.
+    An e-stop station and an operator may serve a page at a host, but are no hubs.
     """
     endpoint, alice = secure_endpoint(protocol), ours.bundle("alice", Role.OPERATOR)
     robot7 = BusConfig(endpoint, keys=ours.bundle("robot7", Role.SUPERVISOR))
@@ -287,7 +287,7 @@ async def test_a_server_of_another_role_is_refused_at_once_and_after_a_reconnect
     with monkeypatch.context() as patch:
         if server == "web":
             patch.setattr(certificates, "common_name", on_the_web)
-        role = Role.SUPERVISOR if server == "web" else Role.ESTOP
+        role = {"web": Role.SUPERVISOR, "page": Role.ESTOP, "driver": Role.OPERATOR}[server]
         bundle = ours.bundle(server, role, hosts=("robot7",))
     own = tls.settings(read_bundle(robot7.keys or Path(), time.time()))
     own |= {

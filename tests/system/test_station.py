@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from deploy.stack.launch import DEFAULT_CONFIG
 from station.relay import MAX_PAGES
 from station.visitors import MAX_VISITORS, VISIT_S
 from teleop.station.state import Word
@@ -24,6 +25,7 @@ from tests.system.operators import LIMIT_S, ROOT, Operator, until
 from tests.system.pages import URL, Page, Server, served
 from tests.system.test_estop_stations import ESTOP, LIFELINE, LOST, drive, heard, refused, state
 from wire import topics
+from wire.host.installation import runnable
 from wire.lease import LEASE_S
 from wire.roles import Role
 
@@ -323,16 +325,96 @@ def test_what_cannot_be_served_is_refused_in_one_sentence(tmp_path: Path) -> Non
     with socket.create_server(("127.0.0.1", 0)) as busy:
         port = str(busy.getsockname()[1])
         assert f"port {port} on 127.0.0.1 is in use by another program" in refusal_of("--port", port)
-    assert refusal_of("--open").startswith("lifeline: --open needs TLS: make a certificate with")
-    authority = TestAuthority(tmp_path)
-    operator, here = authority.bundle("alice", Role.OPERATOR), authority.bundle("door", Role.ESTOP)
-    for bundle in (operator, here):
-        assert "is not one of the role estop for an address of this computer" in refusal_of(
-            "--open", "--keys", str(bundle)
-        )
 
 
-NETWORK = "ip link set lo up && ip address add 10.77.0.1/32 dev lo && exec "
+NETWORK = "ip link set lo up && ip address add 10.77.0.1/32 dev lo && ip route add default dev lo src 10.77.0.1 && exec "
+TO_STOP = "`lifeline keys issue phone-page --role estop --host 10.77.0.1`"
+TO_DRIVE = "`lifeline keys issue phone-driver --role operator --host 10.77.0.1`"
+
+
+@needs_namespaces
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ("", f"--open needs TLS: make a certificate with {TO_STOP}, and name its bundle with --keys"),
+        (
+            "--keys {keys}/page",
+            (
+                "the certificate of page names no address at which other computers reach this one: add it with "
+                "`lifeline keys issue page --host 10.77.0.1`"
+            ),
+        ),
+        (
+            "--keys {keys}/viewer",
+            f"the certificate of viewer has the role viewer, which serves no page: use one of {TO_STOP}",
+        ),
+        (
+            "--keys {keys}/driver",
+            "the certificate of driver has the role operator, which serves a page only with --drive: add --drive, or use one of "
+            + TO_STOP,
+        ),
+        (
+            "--drive --keys {keys}/page --endpoint quic/127.0.0.1:7447",
+            f"the certificate of page has the role estop, which may not drive: use one of {TO_DRIVE}",
+        ),
+        (
+            "--drive --keys {keys} --endpoint quic/127.0.0.1:7447",
+            (
+                "{keys} must have one bundle of the role operator for this process, but has page (estop), viewer (viewer): name one "
+                f"with --keys, or issue it with {TO_DRIVE}"
+            ),
+        ),
+        (
+            "--keys {others} --endpoint quic/127.0.0.1:7447",
+            (
+                "{others} must have one bundle of the role estop for this process, but has base (base), other (viewer): name one with "
+                f"--keys, or issue it with {TO_STOP}"
+            ),
+        ),
+    ],
+)
+def test_a_certificate_that_cannot_serve_the_page_is_refused_with_the_command_that_issues_one(
+    tmp_path: Path, options: str, sentence: str
+) -> None:
+    places = {"keys": tmp_path / "few", "others": tmp_path / "others"}
+    ours = TestAuthority(tmp_path)
+    for name, role, place in (
+        ("page", Role.ESTOP, "keys"),
+        ("viewer", Role.VIEWER, "keys"),
+        ("base", Role.BASE, "others"),
+        ("other", Role.VIEWER, "others"),
+    ):
+        places[place].mkdir(mode=0o700, exist_ok=True)
+        ours.bundle(name, role).rename(places[place] / name)
+    if "driver" in options:
+        ours.bundle("driver", Role.OPERATOR, hosts=("10.77.0.1",)).rename(places["keys"] / "driver")
+    station = f"{LIFELINE} station --open --config {DEFAULT_CONFIG} {options.format(**places)}"
+    ended = subprocess.run(
+        ["unshare", "--net", "sh", "-c", NETWORK + station],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (ended.returncode, ended.stderr) == (2, runnable(f"lifeline: {sentence.format(**places)}\n"))
+
+
+@needs_namespaces
+def test_without_a_network_the_command_leaves_the_address_to_the_person_and_names_the_robot(
+    tmp_path: Path,
+) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text('[bus]\nnamespace = "r7"\n')
+    ended = subprocess.run(
+        ["unshare", "--net", LIFELINE, "station", "--open", "--config", str(config)],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "issue phone-page --role estop --robot r7 --host ADDRESS`" in ended.stderr
+
+
 CLIENT = """
 import asyncio, json, socket, ssl, sys, urllib.request
 from websockets.asyncio.client import connect
@@ -391,10 +473,30 @@ async def test_the_page_opens_to_the_network_only_after_a_yes_and_over_tls(tmp_p
 
 
 @needs_namespaces
-async def test_without_a_terminal_the_network_needs_yes_as_an_option(tmp_path: Path) -> None:
-    bundle = TestAuthority(tmp_path).bundle("phone-page", Role.ESTOP, hosts=("10.77.0.1",))
+@pytest.mark.parametrize(
+    "options",
+    [
+        "--keys {page}",
+        "--keys {page} --drive",
+        "--keys {driver} --drive",
+        "--keys {all} --endpoint quic/127.0.0.1:7447 --config {config}",
+        "--keys {all} --endpoint quic/127.0.0.1:7447 --config {config} --drive",
+    ],
+    ids=["stops", "drives here", "drives as an operator", "stops with one of several", "drives with two"],
+)
+async def test_without_a_terminal_a_page_whose_certificates_are_enough_needs_only_yes_as_an_option(
+    tmp_path: Path, options: str
+) -> None:
+    ours = TestAuthority(tmp_path)
+    page = ours.bundle("page", Role.ESTOP, hosts=("10.77.0.1",))
+    ours.bundle("alice", Role.OPERATOR)
+    ours.bundle("robot7", Role.SUPERVISOR)
+    places = {"page": page, "all": page.parent, "config": DEFAULT_CONFIG}
+    if "driver" in options:
+        places["driver"] = ours.bundle("driver", Role.OPERATOR, hosts=("10.77.0.1",))
+    station = f"{LIFELINE} station --open {options.format(**places)}"
     process = await asyncio.create_subprocess_exec(
-        *("unshare", "--net", "sh", "-c", f"{NETWORK} {LIFELINE} station --open --keys {bundle}"),
+        *("unshare", "--net", "sh", "-c", NETWORK + station),
         stdin=asyncio.subprocess.DEVNULL,
         stderr=asyncio.subprocess.PIPE,
     )

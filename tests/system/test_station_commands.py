@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 from websockets.asyncio.client import ClientConnection
@@ -36,6 +37,8 @@ class Hands:
         self.linear, self.beats, self.told, self.draws = 0.0, True, list[str](), asyncio.Event()
         self.draws.set()
         self._number = self._sent = 0
+        self.robot, self.picture = dict[str, Any](), dict[str, Any]()
+        """What is constant, and the newest picture."""
 
     async def rest(self) -> None:
         """Request zero, and wait until it was sent."""
@@ -46,9 +49,11 @@ class Hands:
         with suppress(ConnectionClosed):
             async for text in self._pictures:
                 message = json.loads(text)
-                if message["kind"] == "picture":
+                if message["kind"] == "robot":
+                    self.robot = message
+                elif message["kind"] == "picture":
                     await self.draws.wait()
-                    self._number = message["number"]
+                    self._number, self.picture = message["number"], message
                     await self._pictures.send(json.dumps({"drawn": self._number}))
 
     async def hear(self) -> None:

@@ -20,6 +20,9 @@ VALUES = {
     "{server}": "router",
     "{state.option}": "",
     "{seed}": "7",
+    "{role}": "estop",
+    "{more}": "",
+    "{drive}": "",
 }
 """Other placeholders can have any text."""
 ONLY_NAMED = {

@@ -16,7 +16,8 @@ from deploy.keys.certificates import (
     make_authority,
     sign,
 )
-from wire.roles import LISTENERS, Role
+from deploy.keys.register import WITH_HOSTS
+from wire.roles import Role
 
 NOW_S = 1_800_000_000.0
 DAY_S = 86400.0
@@ -57,12 +58,14 @@ def test_a_certificate_names_role_robot_and_person() -> None:
 
 
 @pytest.mark.parametrize("role", Role)
-def test_only_a_supervisor_a_router_or_a_station_may_be_a_server_and_only_for_its_hosts(role: Role) -> None:
+def test_only_a_supervisor_a_router_a_station_or_an_operator_may_be_a_server_and_only_for_its_hosts(
+    role: Role,
+) -> None:
     for hosts in ((), ("robot7",)):
         of = certificate(signed(Subject("x", role, "r7", hosts)).certificate)
         purposes = set(of.extensions.get_extension_for_class(x509.ExtendedKeyUsage).value)
         assert ExtendedKeyUsageOID.CLIENT_AUTH in purposes
-        assert (ExtendedKeyUsageOID.SERVER_AUTH in purposes) is (role in LISTENERS and hosts != ())
+        assert (ExtendedKeyUsageOID.SERVER_AUTH in purposes) is (role in WITH_HOSTS and hosts != ())
     assert not of.extensions.get_extension_for_class(x509.BasicConstraints).value.ca
 
 

@@ -199,6 +199,17 @@ def test_the_sentences_after_an_issue_name_the_next_step(keys: Path) -> None:
     assert "--endpoint quic/ROBOT:7447 --keys alice" in issued_sentences(issue(keys, ask("alice"), DAY_S))[2]
 
 
+@pytest.mark.parametrize(("role", "drive"), [(Role.ESTOP, ""), (Role.OPERATOR, " --drive")])
+def test_the_sentences_after_an_issue_for_a_page_name_the_command_that_serves_it(
+    keys: Path, role: Role, drive: str
+) -> None:
+    page = issue(keys, Request("page", role, None, ("robot7",)), DAY_S)
+    sentences = issued_sentences(page)
+    assert f"`lifeline station --open{drive} --keys {page['bundle']}`" in sentences[1]
+    assert sentences[2].endswith(f"scp -r {page['bundle']} HOST:")
+    assert "install authority.pem" in sentences[3]
+
+
 def test_the_table_warns_of_what_ends_soon(keys: Path, capsys: pytest.CaptureFixture[str]) -> None:
     show(table(keys))
     assert "no certificate was issued yet" in capsys.readouterr().out

@@ -92,11 +92,12 @@ def test_a_namespace_that_no_robot_can_have_is_refused(robot: str) -> None:
         assert "is not a robot's namespace" in refusal(Register(), request("bob", Role.VIEWER, robot))
 
 
-def test_a_station_names_hosts_only_if_they_are_given_and_keeps_them() -> None:
-    assert subject_of(Register(), request("phone", Role.ESTOP))[3] == ()
-    hosts = subject_of(Register(), request("phone", Role.ESTOP, hosts=("10.0.0.7",)))[3]
+@pytest.mark.parametrize("role", [Role.ESTOP, Role.OPERATOR])
+def test_a_station_names_hosts_only_if_they_are_given_and_keeps_them(role: Role) -> None:
+    assert subject_of(Register(), request("phone", role))[3] == ()
+    hosts = subject_of(Register(), request("phone", role, hosts=("10.0.0.7",)))[3]
     assert hosts == ("10.0.0.7", "localhost", "127.0.0.1", "::1")
-    issued = Issued("phone", Role.ESTOP, "robot", hosts, "3", NOW_S + DAY_S)
+    issued = Issued("phone", role, "robot", hosts, "3", NOW_S + DAY_S)
     assert subject_of(Register((issued,)), request("phone"))[3] == hosts
 
 
@@ -105,7 +106,7 @@ def test_a_host_is_a_name_or_an_address_and_only_for_what_listens() -> None:
         assert "is not a host" in refusal(Register(), request("r", Role.SUPERVISOR, hosts=(host,)))
     for host in ("robot7", "robot7.example.org", "192.168.1.7", "fe80::1"):
         assert host in subject_of(Register(), request("r", Role.SUPERVISOR, hosts=(host,)))[3]
-    assert "--host is for the roles supervisor, router, estop only" in refusal(
+    assert "--host is for the roles supervisor, router, estop, operator only" in refusal(
         Register(), request("b", Role.BASE, hosts=("a",))
     )
 
