@@ -22,16 +22,17 @@ MAX_KEY_PARTS = 8
 NUL = re.compile(r"\\(?:u0000|U00000000)")
 """The escaped character of TOML, which refuses the character itself."""
 
-_NEXT_PART = r"""\.[ \t]*+(?:[A-Za-z0-9_-]++|"(?:[^"\\\n]++|\\[^\n])*+"|'[^'\n]*+')[ \t]*+"""
+# No possessive group is inside another one: Python 3.11 before 3.11.5 then matches too little (https://github.com/python/cpython/issues/101955).
+_NEXT_PART = r"""\.[ \t]*+(?:[A-Za-z0-9_-]++|"[^"\\\n]*+(?:\\[^\n][^"\\\n]*+)*"|'[^'\n]*+')[ \t]*+"""
 _SHORT_KEYS = re.compile(
     rf"""(?:
         [^"'\#.]++
       | \#[^\n]*+
-      | \"{{3}}(?:[^"\\]++|\\.|"(?!""))*+"{{3,5}}+
-      | '{{3}}(?:[^']++|'(?!''))*+'{{3,5}}+
-      | "(?!"")(?:[^"\\\n]++|\\[^\n])*+"
+      | \"{{3}}[^"\\]*+(?:(?:\\.|"(?!""))[^"\\]*+)*"{{3,5}}
+      | '{{3}}[^']*+(?:'(?!'')[^']*+)*'{{3,5}}
+      | "(?!"")[^"\\\n]*+(?:\\[^\n][^"\\\n]*+)*"
       | '(?!'')[^'\n]*+'
-      | (?:{_NEXT_PART}){{1,{MAX_KEY_PARTS - 1}}}+(?!{_NEXT_PART})
+      | (?:{_NEXT_PART}){{1,{MAX_KEY_PARTS - 1}}}(?!{_NEXT_PART})
     )*+""",
     re.VERBOSE | re.DOTALL,
 )
