@@ -219,6 +219,17 @@ async def test_clients_see_the_hub_die_and_come_back() -> None:
         await hub.close()
 
 
+async def test_a_withdrawn_token_is_forgotten_and_others_are_kept() -> None:
+    async with hub_and_client() as (_, client, _):
+        kept = client._declared  # pyright: ignore[reportPrivateUsage] - nothing else shows what it keeps
+        before = list(kept)
+        for number in range(100):
+            client.declare_alive(f"x{number}").withdraw()
+        assert kept == before
+        client.declare_alive("x")
+        assert len(kept) == len(before) + 1
+
+
 async def test_after_a_stopped_hub_goes_on_samples_count_only_once_the_link_has_settled() -> None:
     config = BusConfig(free_endpoint(), lease_s=0.2)
     keys = ["cmd_vel", "teleop/cmd_vel", "joy/cmd_vel", "supervisor/status"]

@@ -155,15 +155,17 @@ class RawPublisher:
 class ZenohToken:
     """A liveliness token; Zenoh also withdraws it when the process dies."""
 
-    def __init__(self, token: zenoh.LivelinessToken) -> None:
-        self._token = token
+    def __init__(self, token: zenoh.LivelinessToken, declared: list[object]) -> None:
+        self._token, self._declared = token, declared
+        declared.append(token)
 
     def withdraw(self) -> None:
         self._token.undeclare()
+        self._declared.remove(self._token)
 
 
 class ZenohSession:
-    """The declarations of one process in a robot's namespace. A declaration exists until the session is closed.
+    """The declarations of one process in a robot's namespace. Each exists until the session is closed, or a token is withdrawn.
 
     Args:
         session: of `open_session`.
@@ -283,9 +285,7 @@ class ZenohSession:
         Args:
             key: the full key, including the namespace.
         """
-        token = self._session.liveliness().declare_token(key)
-        self._declared.append(token)
-        return ZenohToken(token)
+        return ZenohToken(self._session.liveliness().declare_token(key), self._declared)
 
     def watch_alive(
         self, wake: Wake | None = None, nodes: Collection[str] | None = None
