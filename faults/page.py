@@ -146,7 +146,7 @@ class Page:
             message = json.loads(await socket.recv())
             if message["kind"] == "turn":
                 self._drives = message["drives"]
-            elif message["sentence"] and self._stale_number is None:
+            elif self._stale_number is None:
                 self._held = NOTHING
                 await self._command()
 

@@ -8,6 +8,7 @@ from deploy.stack.launch import ANY_BASE, Launch
 from lifeline.view.ghost import stopping_of
 from lifeline.view.picture import Picture
 from lifeline.view.scene import scene_of
+from station.messages import Fields
 from supervisor.config import SupervisorSection
 from supervisor.measured import MeasuredSection
 from teleop.pilots.config import TeleopSection
@@ -33,10 +34,10 @@ class LivePainter:
         """Use an open bus from now on."""
         self._bus = bus
 
-    def robot(self) -> dict[str, object]:
+    def robot(self) -> Fields:
         return {**self._picture.robot(), "passport": self._passport, "source": self._source}
 
-    def picture(self) -> tuple[dict[str, object], float]:
+    def picture(self) -> tuple[Fields, float]:
         """Return the newest picture, and when its oldest scan arrived: of each topic, only the newest message is drawn."""
         if self._bus is not None and not self._heard:
             self._heard = {name: self._bus.subscribe(topic) for name, topic in self._picture.topics.items()}
@@ -53,7 +54,7 @@ def painter_of(launch: Launch, passport: str = "") -> LivePainter | None:
     config = launch.section("supervisor", SupervisorSection)
     measured = launch.section("measured", MeasuredSection)
     scene = scene_of(config, launch.bus.namespace)
-    picture = Picture(scene, stopping_of(config, measured), _most(config))
+    picture = Picture(scene, stopping_of(config, measured), config.max_linear_m_s)
     return LivePainter(picture, passport, launch.section("teleop", TeleopSection).source)
 
 
@@ -65,14 +66,8 @@ def wheel_of(launch: Launch) -> SourceWheel:
     """
     if ANY_BASE in launch.nodes:
         raise DeployError("--drive needs the robot's configuration: name it with --config")
-    config, source = (
-        launch.section("supervisor", SupervisorSection),
-        launch.section("teleop", TeleopSection).source,
-    )
+    config = launch.section("supervisor", SupervisorSection)
+    source = launch.section("teleop", TeleopSection).source
     if source not in (one.name for one in config.sources):
         raise DeployError(f"--drive: [teleop] source = {source!r} is not in [supervisor] sources: add it")
-    return SourceWheel(source, _most(config))
-
-
-def _most(config: SupervisorSection) -> tuple[float, float]:
-    return config.max_linear_m_s, config.max_angular_rad_s
+    return SourceWheel(source, (config.max_linear_m_s, config.max_angular_rad_s))

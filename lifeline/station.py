@@ -65,19 +65,11 @@ def beside(launch: Launch, page: Page) -> Launch:
     robot, _ = joining(launch, page)
     _passport(robot, page)
     hosts_of(launch, page)
-    module, *options = launch.command("lifeline.cli.app")[2:]
+    python, _, module, *options = launch.command("lifeline.cli.app")
     files = {"--passport": page.passport, "--authority": page.authority}
+    chosen = ["--open", "--yes"] * page.is_open + ["--drive"] * page.drives
     command = (
-        sys.executable,
-        "-m",
-        module,
-        "station",
-        "--name",
-        page.name,
-        "--port",
-        str(page.port),
-        *(["--open", "--yes"] if page.is_open else []),
-        *(["--drive"] if page.drives else []),
+        *(python, "-m", module, "station", "--name", page.name, "--port", str(page.port), *chosen),
         # The program may begin in another directory.
         *(
             word
@@ -138,27 +130,24 @@ async def _serve(
     bus: ZenohBus | None = None
     proof = HubProof(launch.bus, report)
     opening = asyncio.ensure_future(open_bus(launch.bus, "client", say=report, proof=proof))
-    working = [
-        asyncio.ensure_future(relay.run(stop)),
-        asyncio.ensure_future(serve(application, listening, bundle, stop)),
-    ]
+    relaying = asyncio.ensure_future(relay.run(stop))
+    serving = asyncio.ensure_future(serve(application, listening, bundle, stop))
     loop.add_signal_handler(NEW_CODE, offer)
     offer()
     if sys.stdin.isatty():
-        signal.signal(
-            signal.SIGTTIN, signal.SIG_IGN
-        )  # a read in the background fails, and does not stop the process
+        # A read in the background then fails, and does not stop the process.
+        signal.signal(signal.SIGTTIN, signal.SIG_IGN)
         loop.add_reader(0, on_line)
         report("Enter: a new code; Ctrl-C: end")
     try:
-        await asyncio.wait({opening, *working}, return_when=asyncio.FIRST_COMPLETED)
+        await asyncio.wait({opening, relaying, serving}, return_when=asyncio.FIRST_COMPLETED)
         if opening.done():
             bus = opening.result()
             relay.join(bus)
             for part in (painter, wheel):
                 if part is not None:
                     part.join(bus)
-        await asyncio.gather(*working)
+        await asyncio.gather(relaying, serving)
     finally:
         opening.cancel()
         if bus is not None:

@@ -5,9 +5,8 @@
     visitors.py   how long a connection of a stranger lasts
     messages.py   the messages between page and server (pure)
     driving.py    one page at a time drives the robot
-    gallery.py    shows the robot to the pages
     relay.py      carries leases between the pages and the supervisor
-    web.py        the page and its websocket
+    web.py        the page and its websockets: the lease, the pictures of the robot, and driving
     server.py     the HTTP server
 
 The browser runs the files in the folder page.

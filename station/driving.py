@@ -7,12 +7,10 @@ sent instead, until the page itself has sent zero. The source ends with the page
 """
 
 import math
-from collections import OrderedDict
 from dataclasses import dataclass
 from typing import Protocol
 
-from station import messages
-from station.messages import BadMessageError, Wanted
+from station.messages import BadMessageError, Fields, Wanted
 
 STALE_S = 0.3
 """A command on an older picture is refused, counted from its oldest scan by the server's clock."""
@@ -42,7 +40,7 @@ class Wheel(Protocol):
         """End the run at once: the robot stops if it drives."""
         ...
 
-    def tell(self, page: object, act: str) -> None:
+    def record(self, page: object, act: str) -> None:
         """Keep the report of what a person at a page did, for the black box; a page displaces only its own reports."""
         ...
 
@@ -51,18 +49,17 @@ class Pictures:
     """When the scans of the pictures of one page were taken."""
 
     def __init__(self) -> None:
-        self._scan_s = OrderedDict[int, float]()
+        self._scan_s = dict[int, float]()
 
     def sent(self, number: int, scan_s: float) -> None:
         """Remember a picture.
 
         Args:
-            number: of the picture.
+            number: of the picture; they count up.
             scan_s: when its oldest scan arrived; -inf if it shows none.
         """
         self._scan_s[number] = scan_s
-        if len(self._scan_s) > MAX_PICTURES:
-            self._scan_s.popitem(last=False)
+        self._scan_s.pop(number - MAX_PICTURES, None)
 
     def age_s(self, number: int, now_s: float) -> float:
         """Return the age of a picture; infinite if there was none with this number."""
@@ -115,9 +112,9 @@ class Commands:
     def _problem(self, age_s: float) -> str:
         """Return why a motion is refused."""
         if math.isinf(age_s):
-            return "The robot is not seen."
+            return "The robot is not seen: wait for its picture, then hold again."
         if age_s > STALE_S:
-            return f"The picture is {age_s:.1f} s old."
+            return f"The picture is {age_s:.1f} s old: let go, and hold again."
         return "Let go first." if self._needs_zero else ""
 
 
@@ -143,7 +140,7 @@ class Driving:
     """
 
     def __init__(self, wheel: Wheel) -> None:
-        self._wheel, self.tell = wheel, wheel.tell
+        self._wheel, self.record = wheel, wheel.record
         self._people: list[Person] = []
         """The first one drives, or is next; the others ask."""
         self._driver: Person | None = None
@@ -165,7 +162,7 @@ class Driving:
         """Let a person ask to drive whose page has no place yet; the caller ends this with `leave` in every case."""
         person = Person(name, page, Commands(self._wheel))
         if self._people:
-            self.tell(page, f"{name} asked to drive")
+            self.record(page, f"{name} asked to drive")
         self._people.append(person)
         return person
 
@@ -176,7 +173,7 @@ class Driving:
         self._driver, person.moved_s = person, now_s
         if not (problem := await self._wheel.take()):
             person.ending = "ended driving"
-            self.tell(person.page, f"{person.name} began to drive")
+            self.record(person.page, f"{person.name} began to drive")
         return problem
 
     def hear(self, person: Person, wanted: Wanted, pictures: Pictures | None, now_s: float) -> str:
@@ -191,33 +188,38 @@ class Driving:
     async def reset(self, person: Person) -> str:
         """Reset a latched e-stop for the driver; return the answer as a sentence."""
         if self._driver is not person:
-            return "Only the driver resets."
-        self.tell(person.page, f"{person.name} requested a reset")
+            return "Only the driver resets: ask to drive first."
+        self.record(person.page, f"{person.name} requested a reset")
         return await self._wheel.reset()
 
-    def ending(self, person: Person, now_s: float, *, hands_over: bool) -> str:
-        """Return in a sentence why a driver's turn ends now, and the caller must call `leave`; empty: the turn continues."""
+    def ending(self, person: Person, now_s: float, hand_over_to: str = "") -> str:
+        """Return in a sentence why a driver's turn ends now, and the caller must call `leave`; empty: the turn continues.
+
+        Args:
+            person: the driver, or a person who asks, whose turn never ends.
+            now_s: the present time.
+            hand_over_to: the name of the person to whom the driver hands over; only the one who is next drives. Empty: nobody.
+        """
         if self._driver is not person:
             return ""
         if now_s - person.moved_s > IDLE_S:
             person.ending = f"lost control after {IDLE_S:.0f} s without motion"
-        elif hands_over and self._asker:
-            person.ending = f"handed over to {self._asker}"
+        elif hand_over_to and hand_over_to == self._asker:
+            person.ending = f"handed over to {hand_over_to}"
         else:
             return ""
-        return f"You {person.ending}."
+        return f"You {person.ending}. Press Drive to drive again."
 
-    def turn(self, person: Person, now_s: float) -> str:
-        """Return what the page of a person shows about whose turn it is, as a message."""
-        if self._driver is None:
-            return messages.turn("", drives=False, is_asked=False)
-        left_s = math.ceil(self._driver.moved_s + IDLE_S - now_s)
-        if self._driver is not person:
-            sentence = f"You asked {self.driver}, who loses control after {left_s} s without motion."
-            return messages.turn(sentence, drives=False, is_asked=False)
-        asker = self._asker
-        sentence = asker and f"{asker} asks to drive. Without motion, you lose control in {left_s} s."
-        return messages.turn(sentence, drives=True, is_asked=asker != "")
+    def turn(self, person: Person, now_s: float) -> Fields:
+        """Return what the page of a person shows about whose turn it is: whether it drives, who asks it to hand over, and a sentence."""
+        drives, asker, sentence = self._driver is person, "", ""
+        if self._driver is not None:
+            left_s = math.ceil(self._driver.moved_s + IDLE_S - now_s)
+            if not drives:
+                sentence = f"Wait for {self.driver}, who loses control after {left_s} s without motion."
+            elif asker := self._asker:
+                sentence = f"{asker} asks to drive: hand over, or drive on within {left_s} s."
+        return {"drives": drives, "asker": asker, "sentence": sentence}
 
     def leave(self, person: Person) -> None:
         """End the turn or the request of a person; a driver's run ends at once."""
@@ -226,4 +228,4 @@ class Driving:
             self._driver = None
             self._wheel.release()
             if person.ending:
-                self.tell(person.page, f"{person.name} {person.ending}")
+                self.record(person.page, f"{person.name} {person.ending}")

@@ -1,16 +1,18 @@
 """The messages between page and server: JSON texts with exactly these fields (pure).
 
-The first message of a page is `{"code": ...}` or `{"token": ...}`; the server answers with a welcome. From then on, the page
-sends its side of the lease, `{"challenge", "response", "stop"}`, and receives the supervisor's side, and what else it shows.
+Each message of the server has a `kind`. The first message of a page is `{"code": ...}` or `{"token": ...}`; the server answers with
+a `welcome`: the station, the token with which the page may connect again, and whether it may drive. From then on, the page
+sends its side of the lease, `{"challenge", "response", "stop"}`, and receives the supervisor's side, and a `view` of what else it shows.
 It may also send the person's name, `{"name": ...}`.
-On a second connection, it receives pictures, and answers each with `{"drawn": ...}`. On a third one, it asks to drive, drives with
-`{"linear", "angular", "time_s", "picture"}`, and requests `{"request": "reset"}` of the e-stop or `{"request": "hand_over"}`.
+On a second connection, it receives the `robot` and each `picture`, and answers each picture with `{"drawn": ...}`.
+On a third one, it asks to drive, drives with `{"linear", "angular", "time_s", "picture"}`, and requests `{"request": "reset"}` of the
+e-stop or `{"hand_over": name}`. It receives whose `turn` it is, and an `answer`: the sentence with which a command or a request is refused.
 The numbers of a lease have 64 bits, more than a JavaScript number, and are texts of digits.
 """
 
-import json
 import re
-from typing import NamedTuple, cast
+from collections.abc import Mapping
+from typing import Literal, NamedTuple, cast
 
 from wire import foreign
 from wire.message_types import EstopLease, SafetyStatus
@@ -28,6 +30,8 @@ MAX_NUMBER = (1 << 64) - 1
 MAX_TIME_S = 1e9
 """Of a page's clock, which begins when the page is loaded."""
 DIGITS = re.compile(r"[0-9]{1,20}", re.ASCII)
+Fields = Mapping[str, object]
+"""Of a message of the server, without its kind."""
 
 
 class Wanted(NamedTuple):
@@ -41,6 +45,13 @@ class Wanted(NamedTuple):
     """Time of the input, by the page's own clock."""
     picture: int
     """The number of the newest picture that the page has drawn."""
+
+
+class HandOver(NamedTuple):
+    """The driver lets another person drive."""
+
+    name: str
+    """Of the person who asks, as the page shows it."""
 
 
 class BadMessageError(ValueError):
@@ -90,15 +101,17 @@ def read_drawn(text: str) -> int:
             raise BadMessageError("not the number of a picture")
 
 
-def read_wanted(text: str) -> Wanted | str:
+def read_wanted(text: str) -> Wanted | HandOver | Literal["reset"]:
     """Return the command or the request of a page that drives.
 
     Raises:
         BadMessageError: it is not one.
     """
     match fields := _fields(text):
-        case {"request": str(request)} if len(fields) == 1 and request in {"reset", "hand_over"}:
-            return request
+        case {"request": "reset"} if len(fields) == 1:
+            return "reset"
+        case {"hand_over": str(name)} if len(fields) == 1:
+            return HandOver(name)
         case {
             "linear": int() | float() as linear,
             "angular": int() | float() as angular,
@@ -112,22 +125,12 @@ def read_wanted(text: str) -> Wanted | str:
     raise BadMessageError("not a command")
 
 
-def told(sentence: str) -> str:
-    """Return the answer to a command, as a message: why it was refused; empty: it was sent on."""
-    return json.dumps({"kind": "told", "sentence": sentence})
-
-
-def turn(sentence: str, *, drives: bool, is_asked: bool) -> str:
-    """Return the turn of a page, as a message: whether it drives, whether another person asks it to hand over, and a sentence."""
-    return json.dumps({"kind": "turn", "sentence": sentence, "drives": drives, "asked": is_asked})
-
-
-def _fields(text: str) -> dict[str, object]:
+def _fields(text: str) -> Fields:
     try:
         document = foreign.from_json(text)
     except foreign.ForeignError as error:
         raise BadMessageError("not JSON") from error
-    return cast("dict[str, object]", document) if isinstance(document, dict) else {}
+    return cast("Fields", document) if isinstance(document, dict) else {}
 
 
 def _number(digits: str) -> int:
@@ -136,15 +139,9 @@ def _number(digits: str) -> int:
     return int(digits)
 
 
-def welcome(station: str, token: str, *, may_drive: bool) -> str:
-    """Return the answer to a page that is paired: its station, the token with which it may connect again, and whether it may drive."""
-    return json.dumps({"kind": "welcome", "station": station, "token": token, "may_drive": may_drive})
-
-
-def lease(message: EstopLease) -> str:
+def lease(message: EstopLease) -> Fields:
     """Return the supervisor's side of the lease."""
-    numbers = {"challenge": str(message.challenge), "response": str(message.response)}
-    return json.dumps({"kind": "lease", **numbers, "stop": message.stop})
+    return {"challenge": str(message.challenge), "response": str(message.response), "stop": message.stop}
 
 
 def is_latched(status: SafetyStatus) -> bool:
@@ -152,18 +149,18 @@ def is_latched(status: SafetyStatus) -> bool:
     return StopReason.ESTOP in status.reasons
 
 
-def cause_of(status: SafetyStatus) -> str:
-    """Return the most severe reason of a status in words; empty if there is none."""
+def cause_of(status: SafetyStatus) -> tuple[str, str]:
+    """Return the most severe reason of a status in words, and what to do, as in `wire.reasons`; both are empty if there is none."""
     causes, latched = status.causes_and_latched()
     names = causes or latched
     words = words_of(names[0]) if names else None
     if words is None:
-        return printable(", ".join(names))
+        return printable(", ".join(names)), ""
     text = words.now if causes else words.over
-    return text.replace("WHO", printable(status.owner) or "the command source")
+    return text.replace("WHO", printable(status.owner) or "the command source"), words.step
 
 
-def view(station: str, endpoint: str, status: SafetyStatus | None, driver: str, *, has_rival: bool) -> str:
+def view(station: str, endpoint: str, status: SafetyStatus | None, driver: str, *, has_rival: bool) -> Fields:
     """Return what a page shows besides its lease.
 
     Args:
@@ -176,18 +173,17 @@ def view(station: str, endpoint: str, status: SafetyStatus | None, driver: str, 
     stations = [] if status is None else status.estop_stations
     own = next((one for one in stations if one.name == station), None)
     if status is None:
-        problem = f"Waiting for the supervisor at {printable(endpoint)}."
+        problem = f"Waiting for the supervisor at {printable(endpoint)}: start it if it does not run."
     elif has_rival:
-        problem = f"Another page or program is the station {station}: a press here stops the robot, too."
+        problem = "Another page or program is this station: close it. A press here stops the robot, too."
     elif own is None:
         problem = f"The supervisor has no station {station}: add it to [[supervisor.estop_stations]]."
     else:
-        problem = "The robot does not hear this station."
-    fields = {
+        problem = "The robot does not hear this station: wait; if this lasts, check the network."
+    return {
         "problem": problem,  # why the page is not heard, if it is not
-        "cause": "" if status is None else cause_of(status),
+        "cause": "" if status is None else cause_of(status)[0],
         "latched": status is not None and is_latched(status),
         "required": own is not None and own.required,
         "driver": driver,
     }
-    return json.dumps({"kind": "view", **fields})

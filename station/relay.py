@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from station import messages
+from station.messages import Fields
 from wire import topics
 from wire.bus import Bus, Publisher, Token, woken_by
 from wire.message_types import EstopLease, SafetyStatus
@@ -26,7 +27,7 @@ SHOW_PERIOD_S = 0.5
 class Page(Protocol):
     """The connection to a page."""
 
-    def show(self, kind: str, text: str) -> None:
+    def show(self, kind: str, fields: Fields) -> None:
         """Send a message as soon as the page accepts it, instead of an older one of its kind; never block."""
         ...
 
@@ -56,7 +57,6 @@ class Relay:
         self._name, self._endpoint = name, endpoint
         self._wake = asyncio.Event()
         self._runs: list[Run] = []
-        self._unused: list[Publisher[EstopLease]] = []
         self._epochs: set[bytes] = set()
         """Of all runs of this station that are alive, also those of other programs."""
         self._bus: Bus | None = None
@@ -93,11 +93,7 @@ class Relay:
         return run
 
     def _begin(self, run: Run, bus: Bus) -> None:
-        if self._unused:
-            run.presence = self._unused.pop()
-            run.presence.begin_anew()
-        else:
-            run.presence = bus.publisher(topics.estop_presence(self._name))
+        run.presence = bus.publisher(topics.estop_presence(self._name))
         # Before the first message: the supervisor then notices the end of each run that it accepts.
         run.token = bus.declare_alive(topics.estop_node(self._name), run.presence.epoch)
 
@@ -125,44 +121,33 @@ class Relay:
         """End the run of a page, unless it has ended before: the lease ends with its token."""
         if run in self._runs:
             self._runs.remove(run)
-            if run.token is not None and run.presence is not None:
+            if run.token is not None:
                 run.token.withdraw()
-                self._unused.append(run.presence)
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Pass on the supervisor's messages until `stop`."""
-        loop = asyncio.get_running_loop()
-        stopping = loop.create_task(stop.wait())
-        stopping.add_done_callback(lambda _: self._wake.set())
-        try:
-            while not stop.is_set():
-                self._turn(loop.time())
-                await woken_by(self._wake, self._next_show_s)
-                self._wake.clear()
-        finally:
-            stopping.cancel()
+        """Pass on the supervisor's messages until `stop`, which is noticed within `SHOW_PERIOD_S`."""
+        while not stop.is_set():
+            self._turn(asyncio.get_running_loop().time())
+            await woken_by(self._wake, self._next_show_s)
+            self._wake.clear()
 
     def _turn(self, now_s: float) -> None:
         is_due = now_s >= self._next_show_s
         if self._bus is not None:
-            challenge, status = self._challenges.latest(), self._statuses.latest()
+            challenge, newest = self._challenges.latest(), self._statuses.latest()
             if challenge is not None and challenge.message is not None:
                 for run in self._runs:
                     run.page.show("lease", messages.lease(challenge.message))
-            if status is not None and status.message is not None:
-                self._newest, is_due = (status.arrival_s, status.message), True
+            if newest is not None and newest.message is not None:
+                self._newest, is_due = (newest.arrival_s, newest.message), True
             for change in self._others.take():
                 if change.epoch:
                     (self._epochs.add if change.alive else self._epochs.discard)(change.epoch)
         if is_due:
             self._next_show_s = now_s + SHOW_PERIOD_S
+            arrival_s, status = self._newest or (-math.inf, None)
+            known = status if now_s - arrival_s <= STATUS_LIMIT_S else None
             for run in self._runs:
-                own = set[bytes]() if run.presence is None else {run.presence.epoch}
-                rivals, status = self._epochs - own, self._status()
-                text = messages.view(self._name, self._endpoint, status, self.driver, has_rival=bool(rivals))
-                run.page.show("view", text)
-
-    def _status(self) -> SafetyStatus | None:
-        if self._newest is None or asyncio.get_running_loop().time() - self._newest[0] > STATUS_LIMIT_S:
-            return None
-        return self._newest[1]
+                rivals = self._epochs - (set() if run.presence is None else {run.presence.epoch})
+                view = messages.view(self._name, self._endpoint, known, self.driver, has_rival=bool(rivals))
+                run.page.show("view", view)

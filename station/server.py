@@ -46,9 +46,9 @@ class _WebSocket(_Limited, WebSocketsSansIOProtocol):
 class _Server(uvicorn.Server):
     """Accepts the connections itself, so that each is limited from its first byte, also before and during its TLS handshake."""
 
-    def __init__(self, config: uvicorn.Config, listening: socket.socket) -> None:
+    def __init__(self, config: uvicorn.Config, listening: socket.socket, stop: asyncio.Event) -> None:
         super().__init__(config)
-        self._listening, self._visitors = listening, Visitors()
+        self._listening, self._stop, self._visitors = listening, stop, Visitors()
         self._beginning: set[asyncio.Future[None]] = set()
 
     @contextmanager
@@ -63,7 +63,7 @@ class _Server(uvicorn.Server):
 
     async def on_tick(self, counter: int) -> bool:
         self._visitors.expire(asyncio.get_running_loop().time())
-        return await super().on_tick(counter)
+        return await super().on_tick(counter) or self._stop.is_set()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:  # noqa: ARG002
         self._accepting.cancel()
@@ -118,12 +118,4 @@ async def serve(
         ssl_certfile=None if bundle is None else bundle.certificate,
         ssl_keyfile=None if bundle is None else bundle.key,
     )
-    server = _Server(config, listening)
-
-    async def end() -> None:
-        await stop.wait()
-        server.should_exit = True
-
-    ending = asyncio.ensure_future(end())
-    await server.serve()
-    ending.cancel()
+    await _Server(config, listening, stop).serve()

@@ -4,11 +4,15 @@ The run of a page ends with its websocket, after `SILENCE_S` without a message, 
 """
 
 import asyncio
+import json
 import logging
+import math
 import secrets
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
+from functools import partial
 from importlib.resources import files
+from typing import Protocol
 
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -17,26 +21,17 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from station import gallery, messages
+from station import messages
 from station.admission import RESPONSE_HEADERS, Address
 from station.driving import Driving, Person, Pictures
-from station.gallery import Painter
-from station.messages import BadMessageError, Wanted
+from station.messages import BadMessageError, Fields, HandOver, Wanted
 from station.pairing import Pairing, Session
 from station.relay import MAX_PAGES, Relay, Run
-from station.visitors import Visitor
 
 _log = logging.getLogger(__name__)
 
-FILES = {
-    "index.html": "html",
-    "station.js": "javascript",
-    "lease.js": "javascript",
-    "drive.js": "javascript",
-    "wish.js": "javascript",
-    "picture.js": "javascript",
-    "style.css": "css",
-}
+SCRIPTS = ("browser.js", "station.js", "lease.js", "drive.js", "wish.js", "picture.js")
+FILES = {"index.html": "html", "style.css": "css", **dict.fromkeys(SCRIPTS, "javascript")}
 SILENCE_S = 1.0
 """The lease has ended long before; then the connection ends, too, so that the page can connect again."""
 MAX_MESSAGES_PER_S = 100
@@ -44,6 +39,10 @@ MAX_MESSAGES_PER_S = 100
 that is held or released."""
 COMMAND_LIMIT_S = 0.5
 """A page that drives, or asks to, and is silent for longer loses its turn; the robot has stopped long before."""
+PICTURE_PERIOD_S = 0.05
+"""Least time between two pictures."""
+DRAW_LIMIT_S = 3.0
+"""A page that has not drawn a picture after this time has ended."""
 MAX_REASON = 120
 """Bytes of the reason for which a websocket is closed."""
 
@@ -53,18 +52,31 @@ class ClosingError(Exception):
 
     def __init__(self, code: int, sentence: str) -> None:
         super().__init__(sentence)
-        self.code, self.sentence = code, sentence
+        self.code, self.sentence = code, sentence.encode()[:MAX_REASON].decode(errors="ignore")
 
 
 NOT_PAIRED = ClosingError(4401, "Not paired: open the address with a new code, which the terminal shows.")
-BAD_MESSAGE = ClosingError(4400, "The page's messages were refused.")
-SILENT = ClosingError(4408, "The page was silent.")
-REPLACED = ClosingError(4409, "The page has a newer connection.")
+BAD_MESSAGE = ClosingError(4400, "The page's messages were refused: open the address with a new code.")
+SILENT = ClosingError(4408, "The page was silent: keep it visible, and press Drive again.")
+REPLACED = ClosingError(4409, "The page has a newer connection: use that one.")
 NO_DRIVING = ClosingError(4405, "This station does not drive: start it with --drive.")
 NO_NAME = ClosingError(4403, "Enter your name first.")
-HAS_PLACE = ClosingError(4411, "This page drives or asks already.")
-NO_PICTURE = ClosingError(4404, "This station shows no pictures.")
+HAS_PLACE = ClosingError(4411, "This page drives or asks already: press Drive again in a second.")
+NO_PICTURE = ClosingError(4404, "This station shows no pictures: start it with the robot's --config.")
 TOO_MANY_PAGES = ClosingError(4429, "Too many pages of this station are open: close one.")
+ANOTHER_ASKS = "The person who was shown does not ask any more: look who asks now."
+
+
+class Painter(Protocol):
+    """Makes the pictures, without NaN and infinity."""
+
+    def robot(self) -> Fields:
+        """Return what does not change."""
+        ...
+
+    def picture(self) -> tuple[Fields, float]:
+        """Return the newest picture, and when its oldest scan arrived; -inf if it shows none."""
+        ...
 
 
 class Socket:
@@ -72,11 +84,13 @@ class Socket:
 
     def __init__(self, websocket: WebSocket) -> None:
         self._websocket = websocket
-        self._waiting: dict[str, str] = {}
+        self._waiting: dict[str, Fields] = {}
         self._wake = asyncio.Event()
+        self._since_s, self._count = -math.inf, 0
+        """The messages of the page within the present second."""
 
-    def show(self, kind: str, text: str) -> None:
-        self._waiting[kind] = text
+    def show(self, kind: str, fields: Fields) -> None:
+        self._waiting[kind] = fields
         self._wake.set()
 
     async def write(self) -> None:
@@ -85,18 +99,19 @@ class Socket:
             while await self._wake.wait():
                 self._wake.clear()
                 while self._waiting:
-                    await self._websocket.send_text(self._waiting.pop(next(iter(self._waiting))))
+                    kind = next(iter(self._waiting))
+                    await self.send(kind, self._waiting.pop(kind))
 
-    async def send(self, text: str) -> None:
+    async def send(self, kind: str, fields: Fields) -> None:
         """Send a message, and wait until it fits into the connection's buffer."""
-        await self._websocket.send_text(text)
+        await self._websocket.send_text(json.dumps({"kind": kind, **fields}, allow_nan=False))
 
     async def read(self, limit_s: float = SILENCE_S) -> str:
         """Return the next message.
 
         Raises:
             WebSocketDisconnect: the connection has ended.
-            ClosingError: none arrives within the limit, or it is not text.
+            ClosingError: none arrives within the limit, it is not text, or the page sends too many.
         """
         try:
             async with asyncio.timeout(limit_s):
@@ -105,27 +120,13 @@ class Socket:
             raise SILENT from error
         if message["type"] == "websocket.disconnect":
             raise WebSocketDisconnect
-        if (text := message.get("text")) is None:
+        now_s = asyncio.get_running_loop().time()
+        if now_s - self._since_s >= 1.0:
+            self._since_s, self._count = now_s, 0
+        self._count += 1
+        if (text := message.get("text")) is None or self._count > MAX_MESSAGES_PER_S:
             raise BAD_MESSAGE
         return text
-
-
-class Allowance:
-    """Counts the messages of a page within each second."""
-
-    def __init__(self, now_s: float) -> None:
-        self._since_s, self._count = now_s, 0
-
-    def spend(self, now_s: float) -> None:
-        """Count a message.
-
-        Raises:
-            ClosingError: the page sends too many.
-        """
-        is_same = now_s - self._since_s < 1.0
-        self._since_s, self._count = (self._since_s, self._count + 1) if is_same else (now_s, 1)
-        if self._count > MAX_MESSAGES_PER_S:
-            raise BAD_MESSAGE
 
 
 class Application:
@@ -156,12 +157,9 @@ class Application:
         self._runs: dict[Session, Run] = {}
         self._pictures: dict[Session, Pictures] = {}
         """Of the pages that watch."""
-        sockets = [
-            WebSocketRoute("/lease", self._on_lease),
-            WebSocketRoute("/picture", self._on_picture),
-            WebSocketRoute("/drive", self._on_drive),
-        ]
-        self._inner = Starlette(routes=[*(_route(file, kind) for file, kind in FILES.items()), *sockets])
+        sockets = {"/lease": self._lease, "/picture": self._picture, "/drive": self._drive}
+        routes = [WebSocketRoute(path, partial(self._on_websocket, one)) for path, one in sockets.items()]
+        self._inner = Starlette(routes=[*(_route(file, kind) for file, kind in FILES.items()), *routes])
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve a request of the page itself, and refuse all others."""
@@ -181,21 +179,21 @@ class Application:
             refused = PlainTextResponse("This server has another name.\n", 403)
             await refused(scope, receive, send_with_headers)
 
-    async def _on_lease(self, websocket: WebSocket) -> None:
-        await self._on_websocket(websocket, self._serve)
-
-    async def _on_picture(self, websocket: WebSocket) -> None:
-        await self._on_websocket(websocket, self._show)
-
-    async def _on_drive(self, websocket: WebSocket) -> None:
-        await self._on_websocket(websocket, self._drive)
-
     async def _on_websocket(
-        self, websocket: WebSocket, serve: Callable[[Socket, Visitor], Awaitable[None]]
+        self, serve: Callable[[Socket, Session], Awaitable[None]], websocket: WebSocket
     ) -> None:
+        """Serve a page until its connection ends, or the server ends it with an error."""
+        visitor, socket = websocket.state.visitor, Socket(websocket)
         try:
             await websocket.accept()
-            await serve(Socket(websocket), websocket.state.visitor)
+            session = self._session(*messages.read_hello(await socket.read()), begins=serve == self._lease)
+            visitor.stay()
+            writing = asyncio.ensure_future(socket.write())
+            try:
+                await serve(socket, session)
+            finally:
+                visitor.leave(asyncio.get_running_loop().time())
+                writing.cancel()
         except WebSocketDisconnect:
             return
         except (ClosingError, BadMessageError) as error:
@@ -206,137 +204,128 @@ class Application:
             _log.exception("a page ended with an unexpected error")
             raise
 
-    async def _serve(self, socket: Socket, visitor: Visitor) -> None:
-        """Pair a page and hold its lease, until the connection ends, or the server ends it with an error."""
-        session = self._admit(*messages.read_hello(await socket.read()))
+    def _session(self, code: str, token: str, *, begins: bool) -> Session:
+        """Return the session of a page that is paired, with a code or a token, and holds its lease now unless it begins.
+
+        Raises:
+            ClosingError: there is none.
+        """
+        now_s = asyncio.get_running_loop().time()
+        if code and begins:
+            session = self._pairing.pair(code, secrets.token_urlsafe(32), now_s)
+        else:
+            session = self._pairing.resume(token, now_s)
+        if session is None or not (begins or session in self._runs):
+            raise NOT_PAIRED
+        return session
+
+    async def _lease(self, socket: Socket, session: Session) -> None:
+        """Hold the lease of a page."""
         if (before := self._runs.pop(session, None)) is not None:
             self._relay.leave(before)
         if self._relay.is_full:
             raise TOO_MANY_PAGES
-        socket.show(
-            "welcome", messages.welcome(self._name, session.token, may_drive=self._driving is not None)
-        )
+        may_drive = self._driving is not None
+        socket.show("welcome", {"station": self._name, "token": session.token, "may_drive": may_drive})
         run = self._runs[session] = self._relay.enter(socket)
-        visitor.stay()
         self._say(f"{self._name}: a page is connected")
-        writing = asyncio.ensure_future(socket.write())
         try:
-            await self._hold(socket, run, session)
+            while True:
+                heard = messages.read_lease(await socket.read())
+                if isinstance(heard, str):
+                    session.name = heard
+                    continue
+                was_pressed = run.is_pressed
+                if not self._relay.hear(run, heard):
+                    raise REPLACED
+                if self._driving is not None and run.is_pressed and not was_pressed:
+                    name = session.name or "a person without a name"
+                    self._driving.record(session, f"{name} pressed the e-stop")
         finally:
-            visitor.leave(asyncio.get_running_loop().time())
             self._relay.leave(run)
-            writing.cancel()
             if self._runs.get(session) is run:
                 del self._runs[session]
             self._say(f"{self._name}: the connection to a page has ended")
 
-    async def _show(self, socket: Socket, visitor: Visitor) -> None:
-        """Show pictures to a page that holds its lease now, until the connection ends, or the server ends it with an error."""
-        session = await self._session(socket)
+    async def _picture(self, socket: Socket, session: Session) -> None:
+        """Show a page one picture at a time: the next one is made when the page has drawn the one before.
+
+        So nothing waits in a slow link, and the pictures have a connection of their own: they never delay the lease.
+        """
         if self._painter is None:
             raise NO_PICTURE
         if len(self._pictures) >= MAX_PAGES or session in self._pictures:
             raise TOO_MANY_PAGES
-        visitor.stay()
         pictures = self._pictures[session] = Pictures()
+        loop, number, round_trip_s = asyncio.get_running_loop(), 0, 0.0
         try:
-            await gallery.show(socket, self._painter, pictures, lambda: session in self._runs)
+            await socket.send("robot", self._painter.robot())
+            while session in self._runs:
+                number, sent_s = number + 1, loop.time()
+                picture, scan_s = self._painter.picture()
+                pictures.sent(number, scan_s)
+                head = {"number": number, "round_trip_s": round(round_trip_s, 4)}
+                await socket.send("picture", {**head, **picture})
+                if messages.read_drawn(await socket.read(DRAW_LIMIT_S)) != number:
+                    raise BAD_MESSAGE
+                round_trip_s = loop.time() - sent_s
+                await asyncio.sleep(PICTURE_PERIOD_S - round_trip_s)
         finally:
             del self._pictures[session]
-            visitor.leave(asyncio.get_running_loop().time())
 
-    async def _drive(self, socket: Socket, visitor: Visitor) -> None:
-        """Let a page that holds its lease ask to drive and drive, until the connection ends, or the server ends it with an error."""
-        session = await self._session(socket)
+    async def _drive(self, socket: Socket, session: Session) -> None:
+        """Let a page ask to drive, and drive."""
         if self._driving is None:
             raise NO_DRIVING
         if not session.name:
             raise NO_NAME
         if self._driving.has(session):
             raise HAS_PLACE
-        visitor.stay()
         person = self._driving.enter(session.name, session)
-        writing = asyncio.ensure_future(socket.write())
         try:
             await self._follow(socket, session, self._driving, person)
         finally:
             self._driving.leave(person)
             self._relay.driver = self._driving.driver
-            visitor.leave(asyncio.get_running_loop().time())
-            writing.cancel()
 
     async def _follow(self, socket: Socket, session: Session, driving: Driving, person: Person) -> None:
         """Follow a person who asks to drive, and then drives, until the turn ends."""
         loop = asyncio.get_running_loop()
-        allowance = Allowance(loop.time())
-        told, shown, resetting = "", "", None
+        refusal, turn, resetting = "", None, None
         try:
             while True:
                 heard = messages.read_wanted(await socket.read(COMMAND_LIMIT_S))
                 if session not in self._runs:  # its lease may have ended while it was read
                     return
                 heard_s = loop.time()
-                allowance.spend(heard_s)
                 if problem := await driving.take(person, heard_s):
-                    raise ClosingError(4423, problem.encode()[:MAX_REASON].decode(errors="ignore"))
+                    raise ClosingError(4423, problem)
                 self._relay.driver = driving.driver
-                if isinstance(heard, Wanted):
-                    problem = driving.hear(person, heard, self._pictures.get(session), heard_s)
-                    if problem != told:
-                        told = problem
-                        socket.show("told", messages.told(problem))
-                elif heard == "reset" and (resetting is None or resetting.done()):
-                    resetting = asyncio.ensure_future(self._reset(socket, driving, person))
-                if ending := driving.ending(person, loop.time(), hands_over=heard == "hand_over"):
+                hand_over_to = heard.name if isinstance(heard, HandOver) else ""
+                if ending := driving.ending(person, heard_s, hand_over_to):
                     raise ClosingError(4410, ending)
-                if (turn := driving.turn(person, loop.time())) != shown:
-                    shown = turn
+                if heard == "reset":
+                    if resetting is None or resetting.done():
+                        resetting = asyncio.ensure_future(self._reset(socket, driving, person))
+                    continue
+                pictures, before = self._pictures.get(session), refusal
+                refusal = (
+                    driving.hear(person, heard, pictures, heard_s)
+                    if isinstance(heard, Wanted)
+                    else ANOTHER_ASKS
+                )
+                if refusal not in ("", before):
+                    socket.show("answer", {"sentence": refusal})
+                if (shown := driving.turn(person, heard_s)) != turn:
+                    turn = shown
                     socket.show("turn", turn)
         finally:
             if resetting is not None:
                 resetting.cancel()
 
     async def _reset(self, socket: Socket, driving: Driving, person: Person) -> None:
-        socket.show("told", messages.told(await driving.reset(person)))
-
-    async def _session(self, socket: Socket) -> Session:
-        """Return the session of a page that holds its lease now.
-
-        Raises:
-            ClosingError: the page has none.
-        """
-        _, token = messages.read_hello(await socket.read())
-        session = self._pairing.resume(token, asyncio.get_running_loop().time())
-        if session is None or session not in self._runs:
-            raise NOT_PAIRED
-        return session
-
-    def _admit(self, code: str, token: str) -> Session:
-        now_s = asyncio.get_running_loop().time()
-        session = (
-            self._pairing.resume(token, now_s)
-            if token
-            else self._pairing.pair(code, secrets.token_urlsafe(32), now_s)
-        )
-        if session is None:
-            raise NOT_PAIRED
-        return session
-
-    async def _hold(self, socket: Socket, run: Run, session: Session) -> None:
-        loop = asyncio.get_running_loop()
-        allowance = Allowance(loop.time())
-        while True:
-            heard = messages.read_lease(await socket.read())
-            if isinstance(heard, str):
-                session.name = heard
-            else:
-                was_pressed = run.is_pressed
-                if not self._relay.hear(run, heard):
-                    raise REPLACED
-                if self._driving is not None and run.is_pressed and not was_pressed:
-                    name = session.name or "a person without a name"
-                    self._driving.tell(session, f"{name} pressed the e-stop")
-            allowance.spend(loop.time())
+        if refusal := await driving.reset(person):
+            socket.show("answer", {"sentence": refusal})
 
 
 def _route(file: str, kind: str) -> Route:

@@ -38,12 +38,12 @@ class SourceWheel:
 
     async def take(self) -> str:
         if self._holder is None:
-            return "The supervisor was not found yet."
+            return "The supervisor was not found yet: start it, and press Drive again."
         self._commands.begin_anew()
         try:
             await self._holder.claim()
         except HeldError as error:
-            return f"The robot is driven by {error}."
+            return f"End the program that drives the robot: {error}."
         return ""
 
     def put(self, linear: float, angular: float, true_at_s: float) -> None:
@@ -54,14 +54,14 @@ class SourceWheel:
         try:
             reply = await self._bus.call(topics.SUPERVISOR_RESET, timeout_s=RESET_LIMIT_S)
         except NoReplyError:
-            return "The supervisor did not answer the reset."
+            return "The supervisor did not answer: press Reset again."
         return "" if reply.success else f"Not reset: {printable(reply.message)}"
 
     def release(self) -> None:
         if self._holder is not None:
             self._holder.drop()
 
-    def tell(self, page: object, act: str) -> None:
+    def record(self, page: object, act: str) -> None:
         self._acts.append((page, f"{time.strftime('%H:%M:%S')} {act}"))
         own = [one for one in self._acts if one[0] is page]
         if len(own) > MAX_OF_PAGE:

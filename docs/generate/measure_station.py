@@ -53,7 +53,7 @@ STATIONS, ROUNDS, FRAME_S = ("phone", "door", "gate"), 2, 1.0 / 60.0
 LOOK_S = 0.05
 """Period of the person's looks."""
 NEWS = """(() => {
-  const text = document.getElementById("drive-told").textContent || document.getElementById("drive-ended").textContent;
+  const text = document.getElementById("drive-reason").textContent || document.getElementById("drive-ended").textContent;
   const news = text !== window.known ? text : "";
   window.known = text;
   return news;

@@ -25,30 +25,52 @@ from lifeline.view.scene import (
     Scene,
 )
 from lifeline.view.shapes import Area, Floats, Frame, Line, LogLine, Points, Primitive, State, Value
-from station.messages import cause_of
+from station.messages import Fields, cause_of
 from supervisor.law.reckoning import Pose
 from teleop.screen.view import nearest_in_words
 from wire.messages import SafetyStatus, UndecodableError, decode
-from wire.reasons import StopReason, words_of
+from wire.reasons import StopReason
 from wire.standstill import is_still
 from wire.text import printable
-from wire.topics import STATUS, Topic
+from wire.topics import ODOM, STATUS, Topic
 
 MAX_RAYS = 720
 """Of one scan in a picture: a finer scan is thinned out."""
 FRESH_S = 1.0
 """What is older is not drawn."""
 EVENTS = 4
+SILENT = "wait; if this lasts, check that the robot runs"
+"""What to do while the supervisor is not heard."""
 FASTEST = 100.0
 """A larger velocity [m/s or rad/s] is no measurement, and has no ghost."""
 LEAST_STOP_M_S = 0.1
 """Slower stops are not compared with their ghost."""
+LATE_S = 0.2
+"""How much later than its measurement odometry may arrive."""
+
+
+class Place(NamedTuple):
+    """Where the robot was by its odometry, and how fast."""
+
+    arrival_s: float
+    pose: Pose
+    linear_m_s: float
+
+    def to_m(self, other: "Place") -> float:
+        """Return the straight distance to another place."""
+        return math.hypot(other.pose.x_m - self.pose.x_m, other.pose.y_m - self.pose.y_m)
+
+    def leads_to(self, other: "Place") -> bool:
+        """Return whether the measured velocities explain the distance to the next place: a restarted odometry jumps."""
+        passed_s = other.arrival_s - self.arrival_s
+        fastest_m_s = max(abs(self.linear_m_s), abs(other.linear_m_s))
+        return passed_s <= FRESH_S and self.to_m(other) <= fastest_m_s * (passed_s + LATE_S)
 
 
 class Stop(NamedTuple):
-    """A stop: where it began, and where the ghost was then."""
+    """A stop: where it began, and the distance of the ghost then."""
 
-    began: Pose
+    began: Place
     ghost_m: float
 
 
@@ -58,17 +80,18 @@ class Picture:
     Args:
         scene: draws its messages.
         stopping: what is known of its stops.
-        most: the largest velocity [m/s] and rate [rad/s] that the robot may be permitted.
+        most_m_s: the largest velocity that the robot may be permitted.
     """
 
-    def __init__(self, scene: Scene, stopping: Stopping, most: tuple[float, float]) -> None:
-        self._scene, self._stopping, self._most = scene, stopping, most
+    def __init__(self, scene: Scene, stopping: Stopping, most_m_s: float) -> None:
+        self._scene, self._stopping, self._most_m_s = scene, stopping, most_m_s
         self._frames = dict[str, Frame]()
         self._shapes = dict[str, tuple[float, Points | Area]]()
         self._values = dict[str, tuple[float, float]]()
         self._mode = ""
-        self._events = deque[tuple[float, str, str]](maxlen=EVENTS)
+        self._events = deque[tuple[float, str]](maxlen=EVENTS)
         self._status: tuple[float, SafetyStatus] | None = None
+        self._place: Place | None = None
         self._stop: Stop | None = None
         self._last_stop: tuple[float, float] | None = None
 
@@ -92,6 +115,8 @@ class Picture:
                 self._status = arrival_s, decode(payload, SafetyStatus)
             except UndecodableError:
                 return
+        elif self._scene.topics.get(name) is ODOM:
+            self._move(arrival_s)
         self._follow_stop()
 
     def _keep(self, one: Primitive, arrival_s: float) -> None:
@@ -104,26 +129,30 @@ class Picture:
                 self._values[one.path] = arrival_s, one.value
             case State(path, text) if path == MODE:
                 self._mode = text
-            case LogLine(path, text, level) if path == LOG:
-                self._events.append((arrival_s, text, level))
+            case LogLine(path, text) if path == LOG:
+                self._events.append((arrival_s, text))
             case _:
                 pass
 
-    def _follow_stop(self) -> None:
-        """Remember where a stop began, and compare its way with the ghost when the robot stands."""
-        base = self._frames.get(BASE)
-        if base is None:
+    def _move(self, arrival_s: float) -> None:
+        """Follow odometry; a jump ends the comparison of a stop with its ghost."""
+        if (base := self._frames.get(BASE)) is None:
             return
         pose = Pose(base.x_m, base.y_m, base.yaw_rad)
-        linear_m_s, angular_rad_s = self._velocity(MEASURED)
-        ghost = self._ghost()
-        if self._velocity(PERMITTED) != (0.0, 0.0) or ghost is None:
+        place = Place(arrival_s, pose, self._velocity(MEASURED)[0])
+        if self._place is None or not self._place.leads_to(place):
             self._stop = None
-        elif self._stop is None and abs(linear_m_s) >= LEAST_STOP_M_S:
-            self._stop = Stop(pose, math.hypot(ghost.x_m, ghost.y_m))
-        elif self._stop is not None and is_still(linear_m_s, angular_rad_s):
-            way_m = math.hypot(pose.x_m - self._stop.began.x_m, pose.y_m - self._stop.began.y_m)
-            self._last_stop, self._stop = (way_m, self._stop.ghost_m), None
+        self._place = place
+
+    def _follow_stop(self) -> None:
+        """Remember where a stop began, and compare its way with the ghost when the robot stands."""
+        velocity, ghost = self._velocity(MEASURED), self._ghost()
+        if self._place is None or ghost is None or self._velocity(PERMITTED) != (0.0, 0.0):
+            self._stop = None
+        elif self._stop is None and abs(velocity[0]) >= LEAST_STOP_M_S:
+            self._stop = Stop(self._place, math.hypot(ghost.x_m, ghost.y_m))
+        elif self._stop is not None and is_still(*velocity):
+            self._last_stop, self._stop = (self._stop.began.to_m(self._place), self._stop.ghost_m), None
 
     def _velocity(self, name: str) -> tuple[float, float]:
         linear, angular = (self._values.get(f"{kind}/{name}", (0.0, 0.0))[1] for kind in (LINEAR, ANGULAR))
@@ -144,23 +173,22 @@ class Picture:
             for one in self._scene.fixed()
             if isinstance(one, Line)
         }
-        return {**lines, "most": self._most}
+        return {**lines, "most_m_s": self._most_m_s}
 
     @np.errstate(all="ignore")  # hostile numbers would print warnings
     def picture(self, now_s: float) -> dict[str, object]:
         """Return everything that changes."""
-        velocities = {name: self._velocity(name) for name in (REQUESTED, PERMITTED, MEASURED)}
+        velocities = {name: self._velocity(name)[0] for name in (REQUESTED, PERMITTED, MEASURED)}
         ghost = self._ghost()
         return {
             "scans": list(self._scans(now_s)),
             "velocity": {
-                name: [round(one, 3) if math.isfinite(one) else None for one in both]
-                for name, both in velocities.items()
+                name: round(one, 3) if math.isfinite(one) else None for name, one in velocities.items()
             },
             "ghost": ghost
             and [round(100.0 * ghost.x_m, 1), round(100.0 * ghost.y_m, 1), round(ghost.yaw_rad, 3)],
             "stop": self._last_stop and [round(100.0 * one, 1) for one in self._last_stop],
-            "events": [[round(now_s - at_s, 1), text, level] for at_s, text, level in self._events],
+            "events": [[round(now_s - at_s, 1), text] for at_s, text in self._events],
             "age_s": None if math.isinf(scan_s := self.scan_s) else round(now_s - scan_s, 3),
             **self._texts(now_s),
         }
@@ -173,30 +201,27 @@ class Picture:
             return -math.inf
         return min(arrivals_s, default=-math.inf)
 
-    def _texts(self, now_s: float) -> dict[str, object]:
+    def _texts(self, now_s: float) -> Fields:
         """Return the mode, its cause and what to do, in words, and who drives: `own_step` is for the driver at a page."""
         if self._status is None or now_s - self._status[0] > FRESH_S:
-            return {
-                "mode": "",
+            unknown = dict.fromkeys(("mode", "owner", "nearest"), "")
+            return unknown | {
                 "why": "nothing is heard from the supervisor",
-                "step": "",
-                "own_step": "",
-                "owner": "",
-                "nearest": "",
+                "own_step": SILENT,
+                "step": SILENT,
             }
         status = self._status[1]
-        causes, latched = status.causes_and_latched()
-        names = causes or latched
-        words = words_of(names[0]) if names and self._mode == "STOPPED" else None
-        step = "" if words is None else words.step
+        cause, step = cause_of(status)
+        if self._mode != "STOPPED":
+            step = ""
         if not any(station.is_missed for station in status.estop_stations):
             step = step.removeprefix("start it, ")
         return {
             "mode": self._mode,
-            "why": cause_of(status) if self._mode in {"STOPPED", "LIMITED"} else "",
+            "why": cause if self._mode in {"STOPPED", "LIMITED"} else "",
             "step": _step(step, "the driver requests zero", "resets"),
             "own_step": _step(step, "let go", "press Reset"),
-            "owner": "" if StopReason.NO_COMMAND in causes else printable(status.owner),
+            "owner": "" if StopReason.NO_COMMAND in status.causes else printable(status.owner),
             "nearest": nearest_in_words(status, "°"),
         }
 

@@ -1,6 +1,7 @@
 // Drives the robot from this page while something is held. Every change goes out in its own event, and the heartbeat comes from
 // the drawing of frames: a page that is hidden or hangs sends nothing, and the robot stops.
 
+import { connection, element, now_s, write } from "./browser.js";
 import * as pictures from "./picture.js";
 import * as wishes from "./wish.js";
 
@@ -8,12 +9,10 @@ const BEAT_S = 0.03;
 const WAIT_BEAT_S = 0.2; // while another page drives
 const STALLED_BYTES = 2000; // of commands that the browser could not send yet
 
-const element = (id) => document.getElementById(id);
-const now_s = () => performance.now() / 1000;
-
 let token = ""; // empty: this page may not drive now
 let socket = null;
 let isTaken = false; // whether the server lets this page drive; until then, it asks, and sends zero
+let asker = ""; // the name of the person who asks this page to hand over, as it is shown; empty: nobody
 let wish = wishes.NOTHING;
 let sent_s = -Infinity;
 let sentZero = true;
@@ -27,6 +26,7 @@ export function offer(ofSession) {
 
 // Shows who drives; empty: nobody.
 export function show(driver) {
+  document.body.dataset.driver = driver;
   write("drive-word", driver === "" ? "Drive" : `${driver} drives. Ask to drive`);
 }
 
@@ -37,34 +37,33 @@ export const takes = (event) => socket !== null && wishes.isDriveKey(event.code)
 export function letGo(why) {
   if (!wishes.isHeld(wish)) return;
   change(wishes.NOTHING);
-  tell(why);
+  showReason(why);
 }
 
 function begin() {
   if (token === "" || socket !== null) return;
-  const own = (socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/drive`));
+  const own = (socket = connection("drive"));
   own.onopen = () => own.send(JSON.stringify({ token }));
   own.onmessage = (event) => {
     if (own !== socket) return;
-    const { kind, sentence, drives, asked } = JSON.parse(event.data);
-    if (kind === "turn") {
-      // What was held while the page asked was not meant to move the robot now; the server has got the zeros of the question.
-      if (drives && !isTaken) letGo("You drive now: let go, and press again.");
-      isTaken = drives;
-      element("hand-over").hidden = !asked;
-      write("drive-turn", sentence);
-      return render();
-    }
-    if (sentence === "") return; // the last one stays until something is held again
+    const message = JSON.parse(event.data);
+    if (message.kind === "turn") return onTurn(message);
     change(wishes.NOTHING);
-    tell(sentence);
+    showReason(message.sentence); // it stays until something is held again
   };
-  own.onclose = (event) => own === socket && end(event.reason || "The connection has ended.");
-  tell("");
-  write("drive-turn", "");
-  element("hand-over").hidden = true;
-  render();
+  own.onclose = (event) => own === socket && end(event.reason || "The connection has ended: press Drive again.");
+  showReason("");
+  onTurn({ drives: false, asker: "", sentence: "" });
   requestAnimationFrame(() => beat(own));
+}
+
+function onTurn(turn) {
+  // What was held while the page asked was not meant to move the robot now; the server has got the zeros of the question.
+  if (turn.drives && !isTaken) letGo("You drive now: let go, and press again.");
+  ({ drives: isTaken, asker } = turn);
+  element("hand-over").hidden = asker === "";
+  write("drive-turn", turn.sentence);
+  render();
 }
 
 function end(why) {
@@ -73,7 +72,7 @@ function end(why) {
   isTaken = false;
   wish = wishes.NOTHING;
   own?.close();
-  if (own !== null) tell(why);
+  if (own !== null) showReason(why);
   render();
 }
 
@@ -88,7 +87,7 @@ function beat(own) {
 
 // Something is held or released.
 function change(next) {
-  if (!wishes.isHeld(wish) && wishes.isHeld(next)) tell("");
+  if (!wishes.isHeld(wish) && wishes.isHeld(next)) showReason("");
   wish = next;
   send();
   render();
@@ -106,7 +105,7 @@ const wanted = () => wishes.wanted(wish, Number(element("speed").value));
 
 function send() {
   if (socket?.readyState !== WebSocket.OPEN) return;
-  if (socket.bufferedAmount > STALLED_BYTES) return end("The link is stalled.");
+  if (socket.bufferedAmount > STALLED_BYTES) return end("The link is too slow: press Drive again.");
   sent_s = now_s();
   const [linear, angular] = isTaken ? wanted() : [0, 0];
   sentZero = linear === 0 && angular === 0;
@@ -124,13 +123,10 @@ function placeOf(event) {
 const FINGER = "Another finger touched: let go, and press again.";
 
 // A further finger anywhere, before what else it does.
-addEventListener(
-  "pointerdown",
-  () => {
-    if (wish.stick !== null && (wish.enable !== null || !wish.stick.isTouch)) letGo(FINGER);
-  },
-  true,
-);
+function furtherFinger() {
+  if (wish.stick !== null && (wish.enable !== null || !wish.stick.isTouch)) letGo(FINGER);
+}
+addEventListener("pointerdown", furtherFinger, true);
 
 element("enable").addEventListener("pointerdown", (event) => {
   event.preventDefault();
@@ -156,7 +152,7 @@ function lift(event) {
 addEventListener("pointermove", (event) => {
   // A mouse whose left button is released while another one is pressed only moves.
   if ((event.buttons & 1) === 0) lift(event);
-  if (wish.stick?.pointer === event.pointerId) follow(wishes.moved(wish, event.pointerId, ...placeOf(event)));
+  follow(wishes.moved(wish, event.pointerId, ...placeOf(event)));
 });
 
 for (const type of ["pointerup", "pointercancel", "lostpointercapture"]) addEventListener(type, lift);
@@ -173,20 +169,21 @@ addEventListener("keyup", (event) => {
 });
 
 addEventListener("blur", () => letGo("Something else has the focus: press again."));
-document.addEventListener("visibilitychange", () => letGo("The page was hidden."));
+document.addEventListener("visibilitychange", () => letGo("The page was hidden: press again."));
 addEventListener("pagehide", () => end(""));
-addEventListener("gamepaddisconnected", () => letGo("The gamepad was lost."));
+addEventListener("gamepaddisconnected", () => letGo("The gamepad was lost: connect it, and press again."));
+
+function request(message) {
+  letGo(""); // its zero goes out before
+  if (isTaken && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+}
 
 element("drive-begin").addEventListener("click", begin);
 element("reset").addEventListener("click", () => {
-  letGo("");
-  tell("");
-  if (isTaken && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ request: "reset" }));
+  showReason("");
+  request({ request: "reset" });
 });
-element("hand-over").addEventListener("click", () => {
-  letGo(""); // its zero goes out before
-  if (isTaken && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ request: "hand_over" }));
-});
+element("hand-over").addEventListener("click", () => request({ hand_over: asker }));
 element("drive-end").addEventListener("click", () => {
   letGo("");
   end("");
@@ -194,12 +191,8 @@ element("drive-end").addEventListener("click", () => {
 
 // --- what it shows
 
-function tell(sentence) {
-  for (const id of ["drive-told", "drive-ended"]) write(id, sentence);
-}
-
-function write(id, text) {
-  if (element(id).textContent !== text) element(id).textContent = text;
+function showReason(sentence) {
+  for (const id of ["drive-reason", "drive-ended"]) write(id, sentence);
 }
 
 function render() {

@@ -2,6 +2,8 @@
 //
 // The server sends the next picture when this one is drawn. Places are in the base frame, in centimetres: x ahead, y to the left.
 
+import { connection, element, now_s, write } from "./browser.js";
+
 const CHART_S = 20;
 const NEAR_CM = 250; // seen around the hull
 const LEAST_PX = 20;
@@ -16,7 +18,6 @@ const INKS = {
 const WARNING = "#d98200";
 const STOP = "#e0301e";
 
-const element = (id) => document.getElementById(id);
 const canvas = element("map");
 const dark = matchMedia("(prefers-color-scheme: dark)");
 
@@ -25,14 +26,9 @@ let socket = null;
 let robot = null;
 let shown_s = -Infinity;
 let number = 0; // of the newest picture that was submitted for drawing; 0 if none is seen
-let driver = ""; // the person who drives at a page; empty: nobody
 let chart = []; // [time, requested, permitted, measured] of the straight velocity
 
 export const drawn = () => number;
-
-export function tellDriver(name) {
-  driver = name;
-}
 
 export function begin(ofSession) {
   end();
@@ -47,7 +43,7 @@ export function end() {
 
 function connect() {
   if (token === "" || socket !== null) return;
-  const own = (socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/picture`));
+  const own = (socket = connection("picture"));
   own.onopen = () => own.send(JSON.stringify({ token }));
   own.onmessage = (event) => own === socket && onMessage(JSON.parse(event.data));
   own.onclose = (event) => {
@@ -71,15 +67,15 @@ function lose() {
 function onMessage(message) {
   if (message.kind === "robot") {
     robot = message;
-    write("passport", [robot.passport]);
+    write("passport", robot.passport);
     return;
   }
   const own = socket;
   requestAnimationFrame(() => {
     if (own !== socket) return;
-    shown_s = performance.now() / 1000;
+    shown_s = now_s();
     show(true);
-    tell(message);
+    describe(message);
     number = draw(message) ? message.number : 0;
     own.send(JSON.stringify({ drawn: message.number }));
   });
@@ -91,7 +87,7 @@ function show(isShown) {
 }
 
 setInterval(() => {
-  if (performance.now() / 1000 - shown_s > LATE_S) show(false);
+  if (now_s() - shown_s > LATE_S) show(false);
 }, 200);
 
 // --- drawing
@@ -108,7 +104,8 @@ function draw(picture) {
   const ink = dark.matches ? INKS.dark : INKS.light;
   const pen = canvas.getContext("2d");
   const chart_px = Math.min(70, height * 0.2);
-  const scale = Math.min(width, height - chart_px) / 2 / (reach_cm(robot.warning) + NEAR_CM);
+  const reach_cm = Math.max(...robot.warning.map(Math.abs)) + NEAR_CM;
+  const scale = Math.min(width, height - chart_px) / 2 / reach_cm;
   pen.setTransform(dots, 0, 0, dots, 0, 0);
   pen.fillStyle = ink.ground;
   pen.fillRect(0, 0, width, height);
@@ -132,13 +129,11 @@ function draw(picture) {
   line(pen, robot.outline, ink.line, 2 / scale);
   line(pen, robot.heading, ink.line, 2 / scale);
   pen.setTransform(dots, 0, 0, dots, 0, 0);
-  metre(pen, 12, height - chart_px - 12, 100 * scale, ink.line);
-  drawChart(pen, picture.velocity, 0, height - chart_px, width, chart_px, ink);
+  const top = height - chart_px;
+  line(pen, [12, top - 12, 12 + 100 * scale, top - 12], ink.line, 2);
+  letter(pen, "1 m", 12, top - 17, ink.line);
+  drawChart(pen, picture.velocity, top, width, chart_px, ink);
   return true;
-}
-
-function reach_cm(places) {
-  return Math.max(...places.map(Math.abs));
 }
 
 function trace(pen, places) {
@@ -168,50 +163,39 @@ function points(pen, places, colourOf, radius) {
   }
 }
 
-function metre(pen, x, y, length, colour) {
-  pen.strokeStyle = pen.fillStyle = colour;
-  pen.lineWidth = 2;
-  pen.beginPath();
-  pen.moveTo(x, y);
-  pen.lineTo(x + length, y);
-  pen.stroke();
+function letter(pen, text, x, y, colour) {
   pen.font = "12px system-ui, sans-serif";
-  pen.fillText("1 m", x, y - 5);
+  pen.fillStyle = colour;
+  pen.fillText(text, x, y);
 }
 
-function drawChart(pen, velocity, left, top, width, height, ink) {
-  const now_s = performance.now() / 1000;
-  chart.push([now_s, ...NAMES.map((name) => velocity[name][0] ?? NaN)]);
-  while (now_s - chart[0][0] > CHART_S) chart.shift();
+function drawChart(pen, velocity, top, width, height, ink) {
+  const time_s = now_s();
+  chart.push([time_s, ...NAMES.map((name) => velocity[name] ?? NaN)]);
+  while (time_s - chart[0][0] > CHART_S) chart.shift();
   const middle = top + height / 2;
-  const up = (height / 2 - 6) / robot.most[0];
+  const up = (height / 2 - 6) / robot.most_m_s;
   pen.fillStyle = ink.ground; // covers the map below the chart
-  pen.fillRect(left, top, width, height);
-  pen.strokeStyle = ink.line;
-  pen.lineWidth = 0.5;
-  pen.strokeRect(left, middle, width, 0);
+  pen.fillRect(0, top, width, height);
+  line(pen, [0, middle, width, middle], ink.line, 0.5);
   const inks = [ink.far, ink.ghost, WARNING];
   NAMES.forEach((name, number) => {
-    pen.beginPath();
-    for (const row of chart) {
-      pen.lineTo(left + width * (1 - (now_s - row[0]) / CHART_S), middle - up * row[number + 1]);
-    }
-    pen.strokeStyle = pen.fillStyle = inks[number];
-    pen.lineWidth = [1, 3, 1.5][number];
-    pen.stroke();
-    pen.font = "12px system-ui, sans-serif";
-    pen.fillText(name, left + 8 + 84 * number, top + 11);
+    const across = (row) => width * (1 - (time_s - row[0]) / CHART_S);
+    const places = chart.flatMap((row) => [across(row), middle - up * row[number + 1]]);
+    line(pen, places, inks[number], [1, 3, 1.5][number]);
+    letter(pen, name, 8 + 84 * number, top + 11, inks[number]);
   });
 }
 
 // --- the same in words
 
-function tell(picture) {
+function describe(picture) {
   const { mode, why, owner, nearest, velocity, stop, age_s, round_trip_s, events } = picture;
   const metres = (cm) => `${(cm / 100).toFixed(2)} m`;
-  const who = owner === robot.source && driver !== "" ? driver : owner;
-  const step = document.body.dataset.drives === "true" ? picture.own_step : picture.step;
-  const speed = velocity.measured[0] ?? 0;
+  const { driver, drives } = document.body.dataset;
+  const who = owner === robot.source && driver ? driver : owner;
+  const step = drives === "true" ? picture.own_step : picture.step;
+  const speed = velocity.measured ?? 0;
   const ghost_cm = Math.hypot(...(picture.ghost ?? [0, 0]).slice(0, 2));
   const rows = [
     [mode, who && `driven by ${who}`, why, step && `→ ${step}`],
@@ -221,16 +205,11 @@ function tell(picture) {
       stop && `last stop ${metres(stop[0])}, ghost ${metres(stop[1])}`,
     ],
     [
-      `limit ${robot.most[0]} m/s`,
+      `limit ${robot.most_m_s} m/s`,
       age_s === null ? "no scan" : `scan ${Math.round(1000 * age_s)} ms old`,
       `round trip ${Math.round(1000 * round_trip_s)} ms`,
     ],
   ];
-  write("facts", rows.map((row) => row.filter(Boolean).join(" · ")));
-  write("events", events.map(([ago_s, text]) => `${Math.round(ago_s)} s ago: ${text}`));
-}
-
-function write(id, rows) {
-  const text = rows.join("\n");
-  if (element(id).textContent !== text) element(id).textContent = text;
+  write("facts", rows.map((row) => row.filter(Boolean).join(" · ")).join("\n"));
+  write("events", events.map(([ago_s, text]) => `${Math.round(ago_s)} s ago: ${text}`).join("\n"));
 }

@@ -2,6 +2,7 @@
 //
 // The lease is held from this loop: a page that hangs, hides or closes is not heard, and the server sends nothing in its place.
 
+import { connection, element, now_s, write } from "./browser.js";
 import * as leases from "./lease.js";
 import * as drive from "./drive.js";
 import * as pictures from "./picture.js";
@@ -14,8 +15,6 @@ const SILENCE_S = 3; // the server sends more often: the connection is dead, or 
 const NOT_PAIRED = 4401;
 const NO_STOP_KEYS = /^(Tab|Shift|Control|Alt|AltGraph|Meta|CapsLock|NumLock|F\d+)$/;
 
-const now_s = () => performance.now() / 1000;
-const element = (id) => document.getElementById(id);
 const release = element("release");
 const person = element("name");
 
@@ -43,7 +42,7 @@ function takeCode() {
 function connect() {
   if (socket !== null || document.hidden || isCovered || (code === "" && token === "")) return;
   contact_s = now_s();
-  const own = (socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/lease`));
+  const own = (socket = connection("lease"));
   own.onopen = () => {
     own.send(JSON.stringify(code === "" ? { token } : { code }));
     code = "";
@@ -57,7 +56,6 @@ function onMessage(message) {
   if (message.kind === "view") {
     view = message;
     drive.show(view.driver);
-    pictures.tellDriver(view.driver);
   } else if (message.kind === "welcome") {
     ({ station, token } = message);
     isWelcome = true;
@@ -127,7 +125,7 @@ function change(next) {
 
 function press(event) {
   event.preventDefault();
-  drive.letGo("The e-stop was pressed.");
+  drive.letGo("The e-stop was pressed: release it, then press Reset.");
   letGo();
   uncovered(); // touches reach the page
   change(leases.pressed(lease, now_s()));
@@ -178,10 +176,10 @@ function sentence(word) {
 }
 
 function whyNotHeard() {
-  if (navigator.locks === undefined) return "This browser is too old.";
+  if (navigator.locks === undefined) return "This browser is too old: use a newer one.";
   if (isWelcome) return view.problem;
   if (code === "" && token === "") return ending || "Not paired: open the address with its code.";
-  return ending || "No connection to the station's program.";
+  return ending || "No connection to the station's program: check that it runs.";
 }
 
 const alarm = element("hangs").animate([{ opacity: 0 }, { opacity: 0, offset: 0.999 }, { opacity: 1 }], {
@@ -197,15 +195,13 @@ function render() {
   document.body.dataset.word = word;
   document.body.dataset.pressed = leases.isPressed(lease);
   const texts = { word, sentence: sentence(word), place: release.hidden ? station : "" };
-  for (const [id, text] of Object.entries(texts)) {
-    if (element(id).textContent !== text) element(id).textContent = text; // a screen reader speaks each change
-  }
+  for (const [id, text] of Object.entries(texts)) write(id, text);
 }
 
 // --- the page's own life
 
 function onVisibility() {
-  if (document.hidden) return disconnect("The page was hidden.");
+  if (document.hidden) return disconnect("The page was hidden: it connects again.");
   connect();
   navigator.wakeLock?.request("screen").catch(() => {}); // keeps the screen on, where the browser permits it
 }
@@ -224,8 +220,8 @@ function uncovered() {
   isCovered = false;
   connect();
 }
-addEventListener("pagehide", () => disconnect("The page was closed."));
-document.addEventListener("freeze", () => disconnect("The page was frozen."));
+addEventListener("pagehide", () => disconnect("The page was closed: it connects again."));
+document.addEventListener("freeze", () => disconnect("The page was frozen: touch it."));
 addEventListener("hashchange", () => {
   takeCode();
   disconnect("Pairing again.");
@@ -234,7 +230,7 @@ addEventListener("hashchange", () => {
 takeCode();
 onVisibility();
 setInterval(() => {
-  if (socket !== null && now_s() - contact_s > SILENCE_S) disconnect("The station's program does not answer.");
+  if (socket !== null && now_s() - contact_s > SILENCE_S) disconnect("The station's program does not answer: check that it runs.");
   if (now_s() >= leases.dueAt_s(lease)) change(lease);
   else render();
 }, TURN_S * 1000);

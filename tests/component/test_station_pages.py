@@ -2,8 +2,7 @@
 
 import asyncio
 import itertools
-import json
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Mapping
 from contextlib import asynccontextmanager
 from typing import Any
 
@@ -27,15 +26,15 @@ class Phone:
 
     def __init__(self, rig: Rig, relay: Relay) -> None:
         self._rig, self._relay = rig, relay
-        self.lease, self.view, self.hangs = Lease(), dict[str, Any](), False
+        self.lease, self.hangs = Lease(), False
+        self.view: Mapping[str, Any] = {}
         self.run = relay.enter(self)
 
-    def show(self, kind: str, text: str) -> None:
-        message = json.loads(text)
+    def show(self, kind: str, fields: Mapping[str, Any]) -> None:
         if kind == "view":
-            self.view = message
+            self.view = fields
         elif not self.hangs:
-            answer = EstopLease(int(message["challenge"]), int(message["response"]), stop=message["stop"])
+            answer = EstopLease(int(fields["challenge"]), int(fields["response"]), stop=fields["stop"])
             self.lease = received(self.lease, answer)
             self._rig.loop.call_later(ANSWER_S, self.send)
 
@@ -113,7 +112,9 @@ async def test_a_page_whose_connection_ends_stops_the_robot_at_once_and_a_new_on
         assert states(rig.newest_status) == {"door": EstopStationStatus.LOST}
         assert not phone.send()
         again = Phone(rig, relay)
-        assert again.run.presence is phone.run.presence  # used again, for another epoch
+        assert again.run.presence is not None
+        assert phone.run.presence is not None
+        assert again.run.presence.epoch != phone.run.presence.epoch
         await rig.pass_time(0.5)
         assert again.word is Word.STOPPED
         phone.send()
@@ -210,7 +211,7 @@ async def test_before_the_supervisor_runs_a_page_waits_and_its_press_counts_late
     async with server(rig, joins=False) as relay:
         phone = Phone(rig, relay)
         await rig.pass_time(1.0)
-        assert phone.view["problem"] == "Waiting for the supervisor at tcp/x:1."
+        assert phone.view["problem"] == "Waiting for the supervisor at tcp/x:1: start it if it does not run."
         phone.press()
         relay.join(rig.network.open_joined("page server"))
         async with robot(rig, DOOR):

@@ -51,7 +51,7 @@ async def test_a_page_has_no_serious_violation_of_accessibility_in_light_and_dar
         await tab.waits_for("document.body.dataset.pressed === 'true'")
         await check("pressed")
         server.process.kill()
-        await tab.shows("NOT HEARD", "No connection to the station's program.")
+        await tab.shows("NOT HEARD", "No connection to the station's program: check that it runs.")
         await check("not heard")
 
 

@@ -178,7 +178,7 @@ async def test_a_page_says_when_the_supervisor_is_gone_and_keeps_a_press(tmp_pat
         subject.start(topics.SUPERVISOR, "--config", str(tmp_path / "robot.toml"))
         await tab.shows("STOPPED", "Stopped from here")
         server.process.kill()
-        await tab.shows("NOT HEARD", "No connection to the station's program.")
+        await tab.shows("NOT HEARD", "No connection to the station's program: check that it runs.")
 
 
 async def test_a_page_without_a_code_or_with_a_used_one_says_so(tmp_path: Path) -> None:

@@ -112,14 +112,14 @@ async def test_a_driver_hands_over_to_the_person_who_asks_and_the_incident_names
         await drives(subject, anna, lambda: key(anna, "KeyW", down=True))
         await shows(ben, "drive-word", "Anna drives. Ask to drive")
         await takes(ben, "Ben")
-        await shows(ben, "drive-turn", "You asked Anna, who loses control after")
-        await shows(anna, "drive-turn", "Ben asks to drive.")
+        await shows(ben, "drive-turn", "Wait for Anna, who loses control after")
+        await shows(anna, "drive-turn", "Ben asks to drive:")
         assert subject.status.permitted.linear.x > 0.0, "a question stops nothing"
         assert ESTOP not in subject.status.reasons, "a name was typed"
         await key(ben, "KeyW", down=True)
         await anna.click(*await anna.middle_of("#hand-over"))
         await stands(subject)
-        await shows(anna, "drive-ended", "You handed over to Ben.")
+        await shows(anna, "drive-ended", "You handed over to Ben. Press Drive to drive again.")
         await ben.waits_for("document.getElementById('drive-turn').textContent === ''")
         await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion by the hand-over", 1.0)
         await key(anna, "KeyW", down=False)
@@ -156,8 +156,8 @@ async def test_the_controls_stay_on_a_phones_screen_with_the_longest_refusal(tmp
             )
             await tab.waits_for(f"innerWidth === {width}")
             refusal = "Not reset: the supervisor was stopped meanwhile: reset again in a second"
-            await tab.evaluate(f"document.getElementById('drive-told').textContent = {refusal!r}")
-            for place in ("#reset", "#drive-end", "#stick", "#enable", "#drive-told"):
+            await tab.evaluate(f"document.getElementById('drive-reason').textContent = {refusal!r}")
+            for place in ("#reset", "#drive-end", "#stick", "#enable", "#drive-reason"):
                 assert await tab.evaluate(
                     f"(({{ top, bottom }}) => top >= 0 && bottom > top && bottom <= innerHeight)"
                     f"(document.querySelector({place!r}).getBoundingClientRect())"

@@ -69,7 +69,7 @@ async def test_a_picture_that_gets_old_is_hidden(tmp_path: Path) -> None:
     async with watched(tmp_path) as (_, server, _, tab):
         server.process.kill()
         await tab.waits_for("document.body.dataset.picture === 'false'")
-        await tab.shows("NOT HEARD", "No connection to the station's program.")
+        await tab.shows("NOT HEARD", "No connection to the station's program: check that it runs.")
 
 
 @needs_chromium

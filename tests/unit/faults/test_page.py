@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from faults.page import BEAT_S, Page, PageFault, garbage
-from station.messages import BadMessageError, read_drawn, read_lease, read_wanted, turn
+from station.messages import BadMessageError, read_drawn, read_lease, read_wanted
 from virtual.loop import VirtualLoop
 
 DRIVE_JS = Path(__file__).parents[3] / "station/page/drive.js"
@@ -36,7 +36,7 @@ class Server:
         if name == "lease":
             self.say(name, {"token": "the token"})
         elif name == "drive":
-            self.texts[name].put_nowait(turn("", drives=True, is_asked=False))
+            self.say(name, {"kind": "turn", "sentence": "", "drives": True, "asker": ""})
         yield Socket(self, name)
 
     def say(self, name: str, message: dict[str, Any]) -> None:
@@ -111,7 +111,7 @@ def test_keys_change_what_is_held_until_it_is_released_or_refused() -> None:
         assert server.newest == (0.0, 0.0, 0)
         await server.page.press("w" * 20)
         assert server.newest == (1.0, 0.0, 0)
-        server.say("drive", {"kind": "told", "sentence": "The robot is not seen."})
+        server.say("drive", {"kind": "answer", "sentence": "The robot is not seen."})
         await asyncio.sleep(0.001)
         assert server.newest == (0.0, 0.0, 0)
         await server.page.press("wr")
@@ -131,7 +131,7 @@ def test_a_frozen_page_names_the_same_picture_and_holds_on() -> None:
         await server.page.press("w")
         server.page.set_fault(PageFault(frozen=True))
         server.say("picture", {"kind": "picture", "number": 3})
-        server.say("drive", {"kind": "told", "sentence": "The picture is 0.4 s old."})
+        server.say("drive", {"kind": "answer", "sentence": "The picture is 0.4 s old."})
         await asyncio.sleep(0.1)
         assert server.newest == (0.1, 0.0, 2)
         server.page.set_fault(PageFault())

@@ -34,5 +34,5 @@ def test_without_the_robots_configuration_nothing_is_shown_and_nothing_drives(tm
 
 async def test_before_the_supervisor_is_found_no_page_drives(tmp_path: Path) -> None:
     wheel = wheel_of(launch(tmp_path, ""))
-    assert await wheel.take() == "The supervisor was not found yet."
+    assert await wheel.take() == "The supervisor was not found yet: start it, and press Drive again."
     wheel.release()

@@ -1,7 +1,6 @@
 """What a page at the wheel may request: with a new picture, forward in its own time, and after its own zero."""
 
 import asyncio
-import json
 import math
 
 import pytest
@@ -9,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from station.driving import IDLE_S, MAX_PICTURES, STALE_S, Commands, Driving, Person, Pictures
-from station.messages import BadMessageError, Wanted, read_wanted
+from station.messages import BadMessageError, HandOver, Wanted, read_wanted
 
 ZERO = (0.0, 0.0)
+HANDED_OVER = "You handed over to Ben. Press Drive to drive again."
 ZERO_WANTED, MOTION = Wanted(0.0, 0.0, 7.0, 1), Wanted(0.5, 0.0, 7.0, 1)
 
 
@@ -35,7 +35,7 @@ class Record:
     def release(self) -> None:
         self.is_taken = False
 
-    def tell(self, page: object, act: str) -> None:
+    def record(self, page: object, act: str) -> None:
         self.acts.append(act)
 
     @property
@@ -58,11 +58,10 @@ async def asked() -> tuple[Record, Driving, Person, Person]:
     return wheel, driving, anna, driving.enter("Ben", "Ben's page")
 
 
-def turn(driving: Driving, person: Person, now_s: float) -> tuple[bool, bool, str]:
-    """Whether a page drives, whether it is asked, and what it shows."""
-    message = json.loads(driving.turn(person, now_s))
-    assert message.pop("kind") == "turn"
-    return message["drives"], message["asked"], message["sentence"]
+def turn(driving: Driving, person: Person, now_s: float) -> tuple[object, object, object]:
+    """Whether a page drives, who asks it to hand over, and what it shows."""
+    fields = driving.turn(person, now_s)
+    return fields["drives"], fields["asker"], fields["sentence"]
 
 
 def test_motion_is_sent_on_with_the_pages_own_time_after_a_zero() -> None:
@@ -94,7 +93,7 @@ def test_without_a_picture_of_this_number_nothing_moves(pictures: Pictures | Non
     wheel = Record()
     commands = Commands(wheel)
     commands.hear(Wanted(0.0, 0.0, 7.0, 1), pictures, 100.0)
-    assert commands.hear(Wanted(0.5, 0.0, 7.1, 1), pictures, 100.1) == "The robot is not seen."
+    assert commands.hear(Wanted(0.5, 0.0, 7.1, 1), pictures, 100.1).startswith("The robot is not seen:")
     assert wheel.newest == ZERO
 
 
@@ -102,7 +101,7 @@ def test_after_a_refusal_only_the_pages_own_zero_permits_motion() -> None:
     wheel = Record()
     commands, pictures = Commands(wheel), shown(100.0)
     commands.hear(Wanted(0.0, 0.0, 7.0, 1), pictures, 100.0)
-    assert commands.hear(Wanted(0.5, 0.0, 8.0, 1), pictures, 101.0) == "The picture is 1.0 s old."
+    assert commands.hear(Wanted(0.5, 0.0, 8.0, 1), pictures, 101.0).startswith("The picture is 1.0 s old:")
     pictures.sent(2, 101.0)
     assert commands.hear(Wanted(0.5, 0.0, 8.1, 2), pictures, 101.1) == "Let go first."
     assert wheel.newest == ZERO
@@ -169,7 +168,7 @@ async def test_a_person_who_asks_moves_nothing_and_resets_nothing_until_the_driv
     wheel, driving, anna, ben = await asked()
     assert await driving.take(ben, 101.0) == ""
     driving.hear(ben, MOTION, shown(101.0), 101.0)
-    assert await driving.reset(ben) == "Only the driver resets."
+    assert await driving.reset(ben) == "Only the driver resets: ask to drive first."
     assert (driving.driver, wheel.sent, wheel.is_taken) == ("Anna", [], True)
     driving.leave(anna)
     assert (driving.driver, wheel.is_taken) == ("", False)
@@ -181,7 +180,7 @@ async def test_a_hand_over_ends_the_permission_at_once_and_the_next_person_begin
     wheel, driving, anna, ben = await asked()
     driving.hear(anna, ZERO_WANTED, shown(101.0), 101.0)
     driving.hear(anna, MOTION, shown(101.0), 101.0)
-    assert driving.ending(anna, 101.0, hands_over=True) == "You handed over to Ben."
+    assert driving.ending(anna, 101.0, "Ben") == HANDED_OVER
     driving.leave(anna)
     assert not wheel.is_taken
     wheel.sent.clear()
@@ -203,7 +202,7 @@ async def test_a_request_never_ends_the_turn_of_a_driver_who_moves_the_robot() -
     driving.hear(anna, ZERO_WANTED, None, 100.0)
     for second in range(1, 300):
         driving.hear(anna, MOTION, shown(100.0 + second), 100.0 + second)
-        assert driving.ending(anna, 100.0 + second, hands_over=False) == ""
+        assert driving.ending(anna, 100.0 + second) == ""
 
 
 @pytest.mark.parametrize(("idle_s", "ends"), [(IDLE_S, False), (math.nextafter(IDLE_S, math.inf), True)])
@@ -213,7 +212,7 @@ async def test_a_driver_without_motion_loses_control_after_the_shown_time(idle_s
     anna = driving.enter("Anna", "Anna's page")
     await driving.take(anna, 0.0)
     driving.hear(anna, ZERO_WANTED, shown(0.0), idle_s)
-    assert (driving.ending(anna, idle_s, hands_over=False) != "") is ends
+    assert (driving.ending(anna, idle_s) != "") is ends
     driving.leave(anna)
     assert wheel.acts[-1] == ("Anna lost control after 30 s without motion" if ends else "Anna ended driving")
 
@@ -223,14 +222,14 @@ async def test_motion_begins_the_time_again_and_zero_does_not() -> None:
     driving.hear(anna, ZERO_WANTED, shown(110.0), 110.0)
     assert turn(driving, ben, 110.0) == (
         False,
-        False,
-        "You asked Anna, who loses control after 20 s without motion.",
+        "",
+        "Wait for Anna, who loses control after 20 s without motion.",
     )
     driving.hear(anna, MOTION, shown(110.0), 110.0)
     assert turn(driving, ben, 110.0) == (
         False,
-        False,
-        "You asked Anna, who loses control after 30 s without motion.",
+        "",
+        "Wait for Anna, who loses control after 30 s without motion.",
     )
 
 
@@ -240,29 +239,40 @@ async def test_motion_that_is_refused_does_not_keep_the_wheel(pictures: Pictures
     driving.hear(anna, ZERO_WANTED, None, 100.0)
     for second in range(1, int(IDLE_S) + 1):
         assert driving.hear(anna, MOTION, pictures, 100.0 + second) != ""
-    assert driving.ending(anna, 100.5 + IDLE_S, hands_over=False) != ""
+    assert driving.ending(anna, 100.5 + IDLE_S) != ""
 
 
 async def test_the_driver_sees_who_asks_and_may_hand_over_only_to_a_person() -> None:
     _, driving, anna, ben = await asked()
     assert turn(driving, anna, 104.5) == (
         True,
-        True,
-        "Ben asks to drive. Without motion, you lose control in 26 s.",
+        "Ben",
+        "Ben asks to drive: hand over, or drive on within 26 s.",
     )
     driving.leave(ben)
-    assert turn(driving, anna, 104.5) == (True, False, "")
-    assert driving.ending(anna, 104.5, hands_over=True) == ""
+    assert turn(driving, anna, 104.5) == (True, "", "")
+    assert driving.ending(anna, 104.5, "Ben") == ""
     driving.leave(anna)
     cleo = driving.enter("Cleo", "Cleo's page")
-    assert turn(driving, cleo, 104.5) == (False, False, "")
-    assert driving.ending(cleo, 1000.0, hands_over=True) == "", "a person who asks has nothing to hand over"
+    assert turn(driving, cleo, 104.5) == (False, "", "")
+    assert driving.ending(cleo, 1000.0, "Cleo") == "", "a person who asks has nothing to hand over"
+
+
+async def test_a_hand_over_to_a_person_who_has_left_meanwhile_gives_the_wheel_to_nobody_else() -> None:
+    _, driving, anna, ben = await asked()
+    cleo = driving.enter("Cleo", "Cleo's page")
+    driving.leave(ben)
+    for name in ("Ben", "Anna", "", "Cleo\n"):
+        assert driving.ending(anna, 101.0, name) == ""
+    await driving.take(cleo, 101.0)
+    assert driving.driver == "Anna"
+    assert driving.ending(anna, 101.0, "Cleo").startswith("You handed over to Cleo.")
 
 
 async def test_persons_drive_in_the_order_in_which_they_asked() -> None:
     _, driving, anna, ben = await asked()
     cleo = driving.enter("Cleo", "Cleo's page")
-    assert driving.ending(anna, 101.0, hands_over=True) == "You handed over to Ben."
+    assert driving.ending(anna, 101.0, "Ben") == HANDED_OVER
     driving.leave(anna)
     await driving.take(cleo, 101.0)
     assert driving.driver == ""
@@ -311,16 +321,25 @@ def test_any_text_is_a_command_or_no_message(text: str) -> None:
         wanted = read_wanted(text)
     except BadMessageError:
         return
-    assert isinstance(wanted, str) or abs(wanted.linear) <= 1.0
+    assert not isinstance(wanted, Wanted) or abs(wanted.linear) <= 1.0
 
 
-@pytest.mark.parametrize("request_", ["reset", "hand_over"])
-def test_a_request_is_no_command(request_: str) -> None:
-    assert read_wanted(json.dumps({"request": request_})) == request_
+def test_a_request_is_no_command() -> None:
+    assert read_wanted('{"request": "reset"}') == "reset"
+    assert read_wanted('{"hand_over": "Ben"}') == HandOver("Ben")
 
 
 @pytest.mark.parametrize(
-    "text", ['{"request": "drive"}', '{"request": 1}', '{"request": "reset", "linear": 0}', '{"reset": true}']
+    "text",
+    [
+        '{"request": "drive"}',
+        '{"request": "hand_over"}',
+        '{"request": 1}',
+        '{"request": "reset", "linear": 0}',
+        '{"reset": true}',
+        '{"hand_over": 1}',
+        '{"hand_over": "Ben", "request": "reset"}',
+    ],
 )
 def test_there_are_no_other_requests(text: str) -> None:
     with pytest.raises(BadMessageError):

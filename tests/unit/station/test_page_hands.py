@@ -55,12 +55,9 @@ const steps = {
     drive.offer("token");
     element("drive-begin").own.click.forEach((call) => call());
   },
-  turn(drives, asked, sentence) { sockets.at(-1).onmessage({ data: JSON.stringify({ kind: "turn", drives, asked, sentence }) }); },
-  driver(name) {
-    drive.show(name);
-    pictures.tellDriver(name);
-  },
-  told(sentence) { sockets.at(-1).onmessage({ data: JSON.stringify({ kind: "told", sentence }) }); },
+  turn(drives, asker, sentence) { sockets.at(-1).onmessage({ data: JSON.stringify({ kind: "turn", drives, asker, sentence }) }); },
+  driver(name) { drive.show(name); },
+  answer(sentence) { sockets.at(-1).onmessage({ data: JSON.stringify({ kind: "answer", sentence }) }); },
   on(id, type, fields) {
     for (const call of [...(listeners[`first ${type}`] ?? []), ...(element(id).own[type] ?? []), ...(listeners[type] ?? [])]) {
       call(event(fields));
@@ -82,7 +79,7 @@ const texts = Object.fromEntries(Object.entries(elements).map(([id, one]) => [id
 console.log(JSON.stringify([sent, { ...texts, sockets: sockets.map((one) => one.url).join(" ") }, pictures.drawn()]));
 """
 Step = list[Any]
-TURN: Step = ["turn", True, False, ""]
+TURN: Step = ["turn", True, "", ""]
 BEGUN: list[Step] = [["begin"], TURN, ["frame", 50]]
 PULLED: list[Step] = [
     ["on", "stick", "pointerdown", {"clientX": 100, "clientY": 100}],
@@ -170,12 +167,12 @@ def test_a_gamepad_without_the_standard_mapping_does_not_drive() -> None:
 
 
 def test_a_refusal_lets_go_and_is_shown_until_something_is_held_again() -> None:
-    refused: list[Step] = [*BEGUN, W, ["told", "The picture is 0.4 s old."], ["told", ""], ["frame", 50]]
+    refused: list[Step] = [*BEGUN, W, ["answer", "The picture is 0.4 s old."], ["frame", 50]]
     sent, texts, _ = run(*refused)
     assert sent[-1]["linear"] == 0
-    assert texts["drive-told"] == "The picture is 0.4 s old."
+    assert texts["drive-reason"] == "The picture is 0.4 s old."
     _, texts, _ = run(*refused, ["window", "keyup", {"code": "KeyW"}], W)
-    assert texts["drive-told"] == ""
+    assert texts["drive-reason"] == ""
 
 
 def test_a_page_that_may_not_drive_shows_why_beside_its_button() -> None:
@@ -186,7 +183,7 @@ def test_a_page_that_may_not_drive_shows_why_beside_its_button() -> None:
 def test_a_page_that_asks_sends_zero_whatever_is_held_until_it_drives() -> None:
     asks: list[Step] = [
         ["begin"],
-        ["turn", False, False, "You asked Anna."],
+        ["turn", False, "", "Wait for Anna."],
         ["frame", 50],
         W,
         ["frame", 250],
@@ -194,16 +191,16 @@ def test_a_page_that_asks_sends_zero_whatever_is_held_until_it_drives() -> None:
     sent, texts, _ = run(*asks)
     assert len(sent) > 2
     assert {(one["linear"], one["angular"]) for one in sent} == {(0, 0)}
-    assert texts["drive-turn"] == "You asked Anna."
+    assert texts["drive-turn"] == "Wait for Anna."
 
 
 @pytest.mark.parametrize("hold", [[W], PULLED, [touch("enable", 1), touch("stick", 2)]])
 def test_what_is_held_when_a_page_gets_the_wheel_must_be_pressed_again(hold: list[Step]) -> None:
-    waits: list[Step] = [["begin"], ["turn", False, False, "You asked Anna."], *hold, ["frame", 250]]
+    waits: list[Step] = [["begin"], ["turn", False, "", "Wait for Anna."], *hold, ["frame", 250]]
     assert newest(*hold, ["frame", 50]) == 1
     sent, texts, _ = run(*waits, TURN, ["frame", 250], ["frame", 250])
     assert {(one["linear"], one["angular"]) for one in sent} == {(0, 0)}
-    assert texts["drive-told"] == "You drive now: let go, and press again."
+    assert texts["drive-reason"] == "You drive now: let go, and press again."
     assert run(*waits, TURN, ["frame", 250], ["window", "keyup", {"code": "KeyW"}], W)[0][-1]["linear"] == 1
 
 
@@ -217,7 +214,7 @@ def test_a_gamepad_that_is_held_when_a_page_gets_the_wheel_must_be_released() ->
 
     taken: list[Step] = [
         ["begin"],
-        ["turn", False, False, "You asked Anna."],
+        ["turn", False, "", "Wait for Anna."],
         *pad(held=False),
         *pad(held=True),
         TURN,
@@ -227,11 +224,11 @@ def test_a_gamepad_that_is_held_when_a_page_gets_the_wheel_must_be_released() ->
     assert run(*taken, *pad(held=False), *pad(held=True))[0][-1]["linear"] == 1
 
 
-def test_a_hand_over_sends_a_zero_before_it_in_the_same_event() -> None:
-    asked: list[Step] = [*BEGUN, W, ["turn", True, True, "Ben asks to drive."]]
+def test_a_hand_over_names_the_person_who_is_shown_and_sends_a_zero_before_it_in_the_same_event() -> None:
+    asked: list[Step] = [*BEGUN, W, ["turn", True, "Ben", "Ben asks to drive."]]
     sent, texts, _ = run(*asked, ["on", "hand-over", "click", {}])
     assert [one.get("linear") for one in sent[-3:]] == [1, 0, None]
-    assert sent[-1] == {"request": "hand_over"}
+    assert sent[-1] == {"hand_over": "Ben"}
     assert texts["drive-turn"] == "Ben asks to drive."
 
 
@@ -241,7 +238,7 @@ def test_the_button_names_who_drives() -> None:
 
 
 def picture(number: int, **more: str) -> Step:
-    velocity = {name: [0, 0] for name in ("requested", "permitted", "measured")}
+    velocity = dict.fromkeys(("requested", "permitted", "measured"), 0)
     texts = dict.fromkeys(("mode", "why", "step", "own_step", "owner", "nearest"), "") | more
     facts: dict[str, Any] = {
         "scans": [],
@@ -255,7 +252,7 @@ def picture(number: int, **more: str) -> Step:
 
 
 LINES = {name: [0, 0, 10, 10] for name in ("outline", "heading", "stop", "warning")}
-ROBOT: Step = ["shown", {"kind": "robot", "most": [1, 1], "source": "teleop", **LINES}]
+ROBOT: Step = ["shown", {"kind": "robot", "most_m_s": 1, "source": "teleop", **LINES}]
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lifeline.view.ghost import Stopping
-from lifeline.view.picture import FRESH_S, MAX_RAYS, Picture
+from lifeline.view.picture import FRESH_S, LATE_S, MAX_RAYS, Picture
 from lifeline.view.scene import scene_of
 from supervisor.config import NamedLidarSection, SupervisorSection
 from tests.unit.lifeline.view.test_scene import full, scan, status
@@ -30,14 +30,16 @@ class Page:
     """A picture, and the messages that it hears."""
 
     def __init__(self, config: SupervisorSection = SupervisorSection()) -> None:  # noqa: B008 - it is frozen
-        self.picture = Picture(scene_of(config, "robot"), STOPPING, (1.0, 2.0))
+        self.picture = Picture(scene_of(config, "robot"), STOPPING, 1.0)
 
     def hear(self, key: str, message: Message, arrival_s: float = 100.0) -> None:
         self.picture.hear(f"/robot/{key}", arrival_s, encode(message))
 
-    def drives(self, x_m: float, speed_m_s: float, *, permitted: bool = True) -> None:
-        self.hear("cmd_vel", planar_twist(0.5 if permitted else 0.0, 0.0))
-        self.hear("odom", odometry((x_m, 0.0, 0.0), (speed_m_s, 0.0), time_ns=0))
+    def drives(
+        self, x_m: float, speed_m_s: float, *, permitted: bool = True, arrival_s: float = 100.0
+    ) -> None:
+        self.hear("cmd_vel", planar_twist(0.5 if permitted else 0.0, 0.0), arrival_s)
+        self.hear("odom", odometry((x_m, 0.0, 0.0), (speed_m_s, 0.0), time_ns=0), arrival_s)
 
     def shows(self, now_s: float = 100.0) -> dict[str, Any]:
         """Return the picture as a browser reads it."""
@@ -53,6 +55,7 @@ def test_nothing_is_known_before_the_first_message(page: Page) -> None:
     shown = page.shows()
     assert (shown["scans"], shown["mode"], shown["age_s"], shown["stop"]) == ([], "", None, None)
     assert shown["why"] == "nothing is heard from the supervisor"
+    assert shown["own_step"] == "wait; if this lasts, check that the robot runs"
 
 
 def test_the_constant_shapes_are_the_hull_and_its_rings_in_centimetres(page: Page) -> None:
@@ -60,7 +63,7 @@ def test_the_constant_shapes_are_the_hull_and_its_rings_in_centimetres(page: Pag
     for name, radius_cm in (("outline", 25), ("stop", 55), ("warning", 75)):
         line = np.array(robot[name]).reshape(-1, 2)
         assert np.hypot(line[:, 0], line[:, 1]) == pytest.approx(np.full(len(line), radius_cm), abs=0.8)
-    assert robot["most"] == [1.0, 2.0]
+    assert robot["most_m_s"] == 1.0
 
 
 def test_returns_are_where_they_were_seen_and_stay_there_while_the_robot_drives_on(page: Page) -> None:
@@ -128,7 +131,7 @@ def test_a_stop_is_in_words_with_what_to_do(page: Page) -> None:
     assert "WHO" not in shown["why"]
     assert "NEUTRAL" not in shown["step"]
     assert shown["step"]
-    assert shown["events"][0][2] == "ERROR"
+    assert shown["events"] == [[0.0, "STOPPED by teleop because of COMMAND_TIMEOUT"]]
 
 
 def test_a_reset_is_named_without_the_key_of_teleop(page: Page) -> None:
@@ -158,20 +161,50 @@ def test_nobody_is_shown_as_the_driver_while_no_source_commands_the_robot(page: 
 def test_the_way_of_a_stop_is_shown_beside_its_ghost_when_the_robot_stands(page: Page) -> None:
     page.drives(0.0, 1.0)
     assert page.shows()["ghost"] == [70.0, 0.0, 0.0]
-    page.drives(0.1, 1.0, permitted=False)
-    page.drives(0.4, 0.5, permitted=False)
+    page.drives(0.1, 1.0, permitted=False, arrival_s=100.1)
+    page.drives(0.4, 0.5, permitted=False, arrival_s=100.4)
     assert page.shows()["stop"] is None
-    page.drives(0.6, 0.0, permitted=False)
+    page.drives(0.6, 0.0, permitted=False, arrival_s=100.8)
     assert page.shows()["stop"] == pytest.approx([60.0, 70.0])
-    page.drives(0.6, 0.0, permitted=False)
+    page.drives(0.6, 0.0, permitted=False, arrival_s=100.9)
     assert page.shows()["stop"] == pytest.approx([60.0, 70.0])
+
+
+STEP_S, SPEED_M_S = 0.05, 0.5
+MOST_M = SPEED_M_S * (STEP_S + LATE_S)
+"""The longest way of a step that this speed explains."""
+
+
+@pytest.mark.parametrize(
+    ("to_m", "after_s", "counts"),
+    [
+        (0.0, STEP_S, True),
+        (MOST_M - 0.001, STEP_S, True),
+        (MOST_M + 0.001, STEP_S, False),
+        (-MOST_M - 0.001, STEP_S, False),
+        (-2.39, STEP_S, False),
+        (0.0, FRESH_S - 0.001, True),
+        (0.0, FRESH_S + 0.001, False),
+    ],
+)
+def test_a_jump_or_a_gap_of_odometry_is_no_way_of_a_stop(
+    page: Page,
+    to_m: float,
+    after_s: float,
+    counts: bool,  # noqa: FBT001 - a parameter of the test
+) -> None:
+    """A restarted sim begins at its start position."""
+    page.drives(0.0, SPEED_M_S)
+    page.drives(0.0, SPEED_M_S, permitted=False, arrival_s=100.05)
+    page.drives(to_m, 0.0, permitted=False, arrival_s=100.05 + after_s)
+    assert (page.shows()["stop"] is not None) is counts
 
 
 def test_motion_that_is_permitted_again_ends_the_comparison(page: Page) -> None:
     page.drives(0.0, 1.0)
-    page.drives(0.1, 1.0, permitted=False)
-    page.drives(0.2, 0.8)
-    page.drives(0.2, 0.0)
+    page.drives(0.1, 1.0, permitted=False, arrival_s=100.1)
+    page.drives(0.2, 0.8, arrival_s=100.2)
+    page.drives(0.2, 0.0, arrival_s=100.3)
     assert page.shows()["stop"] is None
 
 

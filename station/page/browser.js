@@ -1,0 +1,12 @@
+// What all parts of the page use of the browser.
+
+export const element = (id) => document.getElementById(id);
+export const now_s = () => performance.now() / 1000;
+
+// A screen reader speaks each change.
+export function write(id, text) {
+  if (element(id).textContent !== text) element(id).textContent = text;
+}
+
+export const connection = (path) =>
+  new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/${path}`);
