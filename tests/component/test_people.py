@@ -74,7 +74,10 @@ async def test_an_incident_names_who_drove_asked_took_over_stopped_and_reset(tmp
         anna = await station.anna_drives()
         assert rig.output() == (0.5, 0.0)
         ben = driving.enter("Ben", "Ben's page")
-        assert driving.ending(anna, rig.loop.time(), hands_over=True) == "You handed over to Ben."
+        assert (
+            driving.ending(anna, rig.loop.time(), "Ben")
+            == "You handed over to Ben. Press Drive to drive again."
+        )
         driving.leave(anna)
         await rig.pass_time(0.05)
         assert rig.output() == (0.0, 0.0), "a hand-over stops a robot that drives"
@@ -84,7 +87,7 @@ async def test_an_incident_names_who_drove_asked_took_over_stopped_and_reset(tmp
         await station.drives(ben, 0.3, 2.0)
         assert rig.output() == (0.3, 0.0)
         station.bus.publisher(topics.ESTOP).put(Bool(data=True))
-        driving.tell("Cleo's page", "Cleo pressed the e-stop")
+        driving.record("Cleo's page", "Cleo pressed the e-stop")
         await station.drives(ben, 0.0, 4.0)
         told = acts(writer.paths[-1])
         for act in (
@@ -151,11 +154,11 @@ async def test_a_page_that_asks_and_leaves_all_the_time_under_any_name_hides_not
         driving = station.driving
         anna = await station.anna_drives()
         station.bus.publisher(topics.ESTOP).put(Bool(data=True))
-        driving.tell("Cleo's page", "Cleo pressed the e-stop")
+        driving.record("Cleo's page", "Cleo pressed the e-stop")
         for number in range(100):  # before the supervisor asks
             name = f"{number:024d}"
             asks = driving.enter(name, "page of a flood")
-            driving.tell(asks.page, f"{name} pressed the e-stop")
+            driving.record(asks.page, f"{name} pressed the e-stop")
             driving.leave(asks)
         await station.drives(anna, 0.0, 4.0)
     told = acts(writer.paths[-1])
@@ -175,7 +178,7 @@ async def test_the_newest_acts_are_kept_of_a_report_that_is_too_long(
     async with robot(rig, writer):
         station = Station(rig)
         for number in range(MAX_ACTS):
-            station.driving.tell(number, f"{number:0{MAX_NAME}d} lost control after 30 s without motion")
+            station.driving.record(number, f"{number:0{MAX_NAME}d} lost control after 30 s without motion")
         anna = station.driving.enter("A" * MAX_NAME, "her page")
         await station.takes(anna)
         await station.drives(anna, 0.5, 2.0)
