@@ -126,3 +126,5 @@ async def test_one_certificate_of_an_operator_is_enough_for_a_page_on_another_co
             assert processes.of(state) == []
         finally:
             server.close()
+            ended = await asyncio.create_subprocess_exec(LIFELINE, "down", "--state-dir", directory)
+            await ended.wait()
