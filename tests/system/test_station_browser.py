@@ -88,7 +88,7 @@ async def test_a_page_that_is_hidden_is_lost_and_connects_again_when_it_is_seen(
     async with phone(tmp_path) as (subject, _, chromium, tab):
         other = await chromium.open("about:blank")
         await lost(subject)
-        await tab.shows("NOT HEARD", "The page was hidden.")
+        await tab.shows("NOT HEARD", "The page was hidden: it connects again.")
         await other.close()
         await tab.do("Page.bringToFront")
         await heard(subject, "phone")
