@@ -41,7 +41,7 @@ class Wheel(Protocol):
         ...
 
     def record(self, page: object, act: str) -> None:
-        """Keep the report of what a person at a page did, for the black box; a page displaces only its own reports."""
+        """Keep the report of what a person at a page did, for the black box; a page displaces only its own reports, and a repeated act replaces the one before."""
         ...
 
 

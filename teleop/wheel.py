@@ -1,6 +1,7 @@
 """The command source of teleop for a driver in another program: the page of a station."""
 
 import time
+from typing import NamedTuple
 
 from teleop.holder import HeldError, Holder, about_this_process
 from wire import topics
@@ -15,6 +16,14 @@ MAX_OF_PAGE = 3
 """Of these, from one page: whatever it repeats, what people did at other pages is still reported."""
 
 
+class Act(NamedTuple):
+    """What a person did."""
+
+    page: object
+    text: str
+    time: str
+
+
 class SourceWheel:
     """The command source of the robot's teleop, for the page that drives: only one program holds it at a time.
 
@@ -26,8 +35,8 @@ class SourceWheel:
     def __init__(self, source: str, most: tuple[float, float]) -> None:
         self._source, self._most = source, most
         self._holder: Holder | None = None
-        self._acts: list[tuple[object, str]] = []
-        """The page and the act, oldest first."""
+        self._acts: list[Act] = []
+        """Oldest first."""
 
     def join(self, bus: Bus) -> None:
         """Use an open bus from now on."""
@@ -62,11 +71,13 @@ class SourceWheel:
             self._holder.drop()
 
     def record(self, page: object, act: str) -> None:
-        self._acts.append((page, f"{time.strftime('%H:%M:%S')} {act}"))
-        own = [one for one in self._acts if one[0] is page]
-        if len(own) > MAX_OF_PAGE:
-            self._acts.remove(own[0])
+        own = [one for one in self._acts if one.page is page]
+        # A repeated act replaces the one before.
+        if own and (own[-1].text == act or len(own) == MAX_OF_PAGE):
+            self._acts.remove(own[-1] if own[-1].text == act else own[0])
+        self._acts.append(Act(page, act, time.strftime("%H:%M:%S")))
         del self._acts[:-MAX_ACTS]
         if self._holder is not None:
             # The newest first: the supervisor keeps the beginning of a long report.
-            self._holder.about = "; ".join((self._about, *(one for _, one in reversed(self._acts))))
+            acts = [f"{one.time} {one.text}" for one in reversed(self._acts)]
+            self._holder.about = "; ".join((self._about, *acts))

@@ -166,6 +166,21 @@ async def test_a_page_that_asks_and_leaves_all_the_time_under_any_name_hides_not
     assert f"{99:024d} pressed the e-stop" in told
 
 
+async def test_an_act_that_a_person_repeats_hides_no_other_act_of_this_person(tmp_path: Path) -> None:
+    rig, writer = Rig(), WriterAtOnce(tmp_path)
+    async with robot(rig, writer):
+        station = Station(rig)
+        anna = await station.anna_drives()
+        station.bus.publisher(topics.ESTOP).put(Bool(data=True))
+        station.driving.record(anna.page, "Anna pressed the e-stop")
+        for _ in range(50):  # before the supervisor asks
+            station.driving.record(anna.page, "Anna requested a reset")
+        await station.drives(anna, 0.0, 4.0)
+    told = acts(writer.paths[-1])
+    assert "Anna pressed the e-stop" in told
+    assert "Anna requested a reset" in told
+
+
 async def test_the_newest_acts_are_kept_of_a_report_that_is_too_long(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
