@@ -5,8 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.marks import pytest_configure
 from tests.ros2.host import ROS_PYTHON, Host, ros_domain
 from tests.ros2.stack import MakeStack, Stack
+
+__all__ = ["pytest_configure"]
 
 
 @pytest.fixture

@@ -9,9 +9,10 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import pytest
-
+from tests.marks import pytest_configure
 from wire.zenoh import local_socket
+
+__all__ = ["pytest_configure"]
 
 # A background job of a shell ignores SIGINT, and one of nohup SIGHUP; so would every program that a test starts.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -20,9 +21,3 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
 _sockets = TemporaryDirectory(prefix="lifeline-run-", ignore_cleanup_errors=True)
 os.environ[local_socket.ENVIRONMENT] = _sockets.name
-
-SMOKE = "smoke: what breaks first in one theme; `make test` runs only these, `make system` all that need no idle machine"
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    config.addinivalue_line("markers", SMOKE)
