@@ -125,11 +125,17 @@ class Relay:
                 run.token.withdraw()
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Pass on the supervisor's messages until `stop`, which is noticed within `SHOW_PERIOD_S`."""
-        while not stop.is_set():
-            self._turn(asyncio.get_running_loop().time())
-            await woken_by(self._wake, self._next_show_s)
-            self._wake.clear()
+        """Pass on the supervisor's messages until `stop`."""
+        loop = asyncio.get_running_loop()
+        stopping = loop.create_task(stop.wait())
+        stopping.add_done_callback(lambda _: self._wake.set())
+        try:
+            while not stop.is_set():
+                self._turn(loop.time())
+                await woken_by(self._wake, self._next_show_s)
+                self._wake.clear()
+        finally:
+            stopping.cancel()
 
     def _turn(self, now_s: float) -> None:
         is_due = now_s >= self._next_show_s

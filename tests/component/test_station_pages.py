@@ -234,3 +234,12 @@ async def test_a_press_is_repeated_by_the_page_until_a_status_shows_it(is_stop_l
         await rig.pass_time(1.0)
         assert ESTOP in rig.newest_status.causes
         assert phone.lease.is_confirmed
+
+
+async def test_a_relay_that_is_asked_to_end_does_not_wait_for_its_next_message() -> None:
+    rig, stop = Rig(), asyncio.Event()
+    running = asyncio.create_task(Relay("door", "tcp/x:1").run(stop))
+    await rig.pass_time(0.1)
+    stop.set()
+    await rig.pass_time(0.01)
+    assert running.done()
