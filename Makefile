@@ -44,7 +44,7 @@ ros2: $(ROS2_STAMP) ## create the environment .ros2 with rclpy, in which `python
 run: $(DRIVE_STAMP) ## drive the robot by keyboard; without a terminal, play the demo
 	@if [ -t 0 ] && [ -t 1 ]; then echo "lifeline: to drive in a browser instead, run .venv/bin/lifeline up --station --drive"; exec env LIFELINE_UNDER_MAKE=1 .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
-test: $(STAMP) ## run the checks, the unit and component tests, and one of each kind with real processes; each commit must pass them (four minutes)
+test: $(STAMP) ## run the checks, the unit and component tests, and the smoke tests with real processes; each commit must pass them (four minutes)
 	$(COMPILE)
 	$(MAKE) --no-print-directory --jobs=2 check unit
 	$(MAKE) --no-print-directory smoke
