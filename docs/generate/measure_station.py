@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from websockets.asyncio.client import ClientConnection
+from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 
 from bench.rig.options import CommandLine, count, failing_in_a_sentence, positive, progress
@@ -61,17 +62,49 @@ NEWS = """(() => {
 """What the page says since the last look: a refused command, or the end of driving."""
 
 
+class PlainSocket:
+    """A websocket of the page that has no other use: what ends the page shows here first, without our programs."""
+
+    def __init__(self) -> None:
+        self._signs_s = list[float]()
+
+    @asynccontextmanager
+    async def served(self) -> AsyncGenerator[str]:
+        """Listen on loopback; yield what a page evaluates to connect, and to say when it is hidden."""
+
+        async def take(socket: ServerConnection) -> None:
+            with suppress(ConnectionClosed):
+                async for _ in socket:
+                    self._signs_s.append(time.monotonic())
+            self._signs_s.append(time.monotonic())
+
+        async with serve(take, "127.0.0.1", 0) as server:
+            port = server.sockets[0].getsockname()[1]
+            yield f"""new Promise((resolve) => {{
+              window.plain = new WebSocket("ws://127.0.0.1:{port}");
+              addEventListener("pagehide", () => window.plain.send("hidden"));
+              window.plain.onopen = () => resolve(true);
+            }})"""
+
+    def after_s(self, time_s: float) -> float | None:
+        """Return the time from then to the first sign [s]; None if there was none yet."""
+        return next((at_s - time_s for at_s in self._signs_s if at_s >= time_s), None)
+
+
 class Rig:
     """A robot in its warehouse, and the page that drives it. What an event ends is replaced before the next run.
 
     Args:
         subject: the robot.
         server: of the page.
+        plain: see there.
+        connect: what a page evaluates to connect to it.
     """
 
-    def __init__(self, subject: Robot, server: Server) -> None:
+    def __init__(self, subject: Robot, server: Server, plain: PlainSocket, connect: str) -> None:
         assert subject.bus is not None
         self.robot, self._server = subject, server
+        self.plain, self._connect = plain, connect
         self.statuses = subject.bus.subscribe(topics.STATUS, depth=500)
         self._reference = subject.bus.publisher(topics.source_cmd_vel(REFERENCE))
         self.ending = AsyncExitStack()
@@ -94,10 +127,11 @@ class Rig:
 
     async def fresh_page(self) -> None:
         """Open another page, and let it drive."""
-        self.tab = await self.chromium.open(await self._server.new_address())
+        self.tab = await self.chromium.open(await self._server.new_address(), any_server=True)
         await self.tab.waits_for("document.body?.dataset.picture === 'true'")
         await takes(self.tab)
         await self.tab.waits_for("document.body.dataset.drives === 'true'")
+        await self.tab.evaluate(self._connect)
 
     async def ready(self) -> None:
         """Press Drive if the page does not drive, and reset until the robot is ready; a busy machine may stop it again."""
@@ -148,7 +182,8 @@ class Rig:
         await self.tab.close()
 
     async def kill(self) -> None:
-        self.chromium.kill()
+        # In a thread, because it waits for the processes, and the plain socket is read meanwhile.
+        await asyncio.to_thread(self.chromium.kill)
 
     async def freeze(self) -> None:
         await self.tab.begin("while (true) {}")
@@ -178,13 +213,19 @@ ACTS: dict[str, tuple[Act, Act]] = {
     "killed": (Rig.kill, Rig.fresh_browser),
     "frozen": (Rig.freeze, Rig.fresh_browser),
 }
+ENDS = frozenset({Rig.close, Rig.kill})
+"""What ends the connections of the page."""
 PARTS = (*ACTS, GAPS, DRIVE)
 
 
 @asynccontextmanager
 async def rig(folder: Path) -> AsyncGenerator[Rig]:
-    async with served(folder, topics.SUPERVISOR, topics.SIM, drives=True) as (subject, server):
-        made = Rig(subject, server)
+    plain = PlainSocket()
+    async with (
+        plain.served() as connect,
+        served(folder, topics.SUPERVISOR, topics.SIM, drives=True) as (subject, server),
+    ):
+        made = Rig(subject, server, plain, connect)
         try:
             await made.fresh_browser()
             yield made
@@ -201,6 +242,8 @@ class Run(NamedTuple):
     """From the event."""
     reference_s: tuple[float, float]
     """Of the reference: to motion, and to zero."""
+    browser_s: float | None
+    """From the event to its first sign at the plain socket; None if the event does not end the connection."""
 
 
 async def run(one: Rig, act: Act, hold_s: float) -> Run:
@@ -224,9 +267,12 @@ async def run(one: Rig, act: Act, hold_s: float) -> Run:
     began_s = time.monotonic()
     await act(one)
     try:
-        return Run(down_s, await subject.zero_after(began_s), reference_s)
+        to_zero_s = await subject.zero_after(began_s)
     except AssertionError as error:
         raise RuntimeError(f"the robot did not stop: {_first(error)}") from error
+    if act in ENDS:
+        await subject.until(lambda: one.plain.after_s(began_s) is not None, "the end of the plain websocket")
+    return Run(down_s, to_zero_s, reference_s, one.plain.after_s(began_s))
 
 
 def _first(error: BaseException) -> str:
@@ -263,8 +309,10 @@ async def events(folder: Path, name: str, wanted: int, origin: Origin) -> list[M
     ended = origin()
 
     def case(named: str, times_s: Iterable[float], which: int) -> Case:
+        times_ms = tuple(1e3 * time_s for time_s in times_s)
         reference_ms = tuple(1e3 * one.reference_s[which] for one in runs)
-        return Case(named, tuple(1e3 * time_s for time_s in times_s), reference_ms, repeated, ended)
+        browser_ms = tuple(1e3 * one.browser_s for one in runs if one.browser_s is not None)
+        return Case(named, times_ms, reference_ms, repeated, ended, browser_ms)
 
     to_zero_s = [one.to_zero_s for one in runs]
     if name != KEYS:

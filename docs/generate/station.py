@@ -58,6 +58,8 @@ class Case:
     repeated: dict[str, int]
     """Number of runs that were repeated, by reason."""
     run: dict[str, str]
+    browser_ms: tuple[float, ...] = ()
+    """From the event to its first sign at a plain websocket of the page, once for each run of an event that ends the connection."""
 
 
 @dataclass(frozen=True)
@@ -178,6 +180,8 @@ def times(cases: Iterable[Case]) -> Sheet:
         ("95/95", lambda one: _limit(one.times_ms)),
         ("reference p50", lambda one: _ms(one.reference_ms, 50)),
         ("p99", lambda one: _ms(one.reference_ms, 99)),
+        ("plain websocket p50", lambda one: _ms(one.browser_ms, 50) if one.browser_ms else "–"),
+        ("p99", lambda one: _ms(one.browser_ms, 99) if one.browser_ms else "–"),
         ("repeated", lambda one: _counts(one.repeated)),
     ]
     return Sheet.of(
@@ -188,6 +192,8 @@ def times(cases: Iterable[Case]) -> Sheet:
         "to the browser, or before the signal.",
         "95/95: upper 95 % confidence limit of the 95 % quantile; – with fewer than 59 runs.",
         "reference: from the put of the same change, motion or zero, by a source without a page, beside each run.",
+        "plain websocket: from the event to its first sign at a websocket of the same page that has no other use: a message on `pagehide`, or its end. "
+        "The browser and its operating system take this time; no page can be faster.",
         "repeated: runs that were repeated, because the machine delayed the supervisor (OVERRUN), or because the robot did not drive before the event.",
         "Debian's Chromium without a window, on the robot's computer; the robot is simulated. The page loses the focus by a `blur` event that is dispatched "
         "in it.",
