@@ -27,7 +27,7 @@ export function offer(ofSession) {
 // Shows who drives; empty: nobody.
 export function show(driver) {
   document.body.dataset.driver = driver;
-  write("drive-word", driver === "" ? "Drive" : `${driver} drives. Ask to drive`);
+  write("drive-begin", driver === "" ? "Drive" : `${driver} drives. Ask to drive`);
 }
 
 // Whether a key drives, and therefore does not stop.

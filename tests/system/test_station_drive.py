@@ -110,7 +110,7 @@ async def test_a_driver_hands_over_to_the_person_who_asks_and_the_incident_names
         ben = await second.open(await server.new_address())
         await ben.waits_for("document.body?.dataset.picture === 'true'")
         await drives(subject, anna, lambda: key(anna, "KeyW", down=True))
-        await shows(ben, "drive-word", "Anna drives. Ask to drive")
+        await shows(ben, "drive-begin", "Anna drives. Ask to drive")
         await takes(ben, "Ben")
         await shows(ben, "drive-turn", "Wait for Anna, who loses control after")
         await shows(anna, "drive-turn", "Ben asks to drive:")

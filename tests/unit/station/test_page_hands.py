@@ -233,8 +233,8 @@ def test_a_hand_over_names_the_person_who_is_shown_and_sends_a_zero_before_it_in
 
 
 def test_the_button_names_who_drives() -> None:
-    assert run(["begin"], ["driver", "Anna"])[1]["drive-word"] == "Anna drives. Ask to drive"
-    assert run(["begin"], ["driver", ""])[1]["drive-word"] == "Drive"
+    assert run(["begin"], ["driver", "Anna"])[1]["drive-begin"] == "Anna drives. Ask to drive"
+    assert run(["begin"], ["driver", ""])[1]["drive-begin"] == "Drive"
 
 
 def picture(number: int, **more: str) -> Step:
