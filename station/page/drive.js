@@ -170,7 +170,6 @@ addEventListener("keyup", (event) => {
 
 addEventListener("blur", () => letGo("Something else has the focus: press again."));
 document.addEventListener("visibilitychange", () => letGo("The page was hidden: press again."));
-addEventListener("pagehide", () => end(""));
 addEventListener("gamepaddisconnected", () => letGo("The gamepad was lost: connect it, and press again."));
 
 function request(message) {
