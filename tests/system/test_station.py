@@ -22,7 +22,7 @@ from tests.system.authority import TestAuthority
 from tests.system.harness import Robot
 from tests.system.namespaces import needs_namespaces
 from tests.system.operators import LIMIT_S, ROOT, Operator, until
-from tests.system.pages import URL, Page, Server, served
+from tests.system.pages import URL, Code, Page, Server, closing_code, served
 from tests.system.test_estop_stations import ESTOP, LIFELINE, LOST, drive, heard, refused, state
 from wire import topics
 from wire.host.installation import runnable
@@ -30,9 +30,6 @@ from wire.lease import LEASE_S
 from wire.roles import Role
 
 pytestmark = pytest.mark.timeout(180)
-
-BAD_MESSAGE, NOT_PAIRED, SILENT, REPLACED, TOO_MANY = 4400, 4401, 4408, 4409, 4429
-NO_NAME, HAS_PLACE = 4403, 4411
 
 
 async def lost(subject: Robot) -> None:
@@ -77,7 +74,7 @@ async def test_a_page_that_is_silent_on_an_open_connection_loses_its_lease_and_t
     async with served(tmp_path) as (subject, server), server.heard_page(subject) as page:
         page.hangs = True
         await lost(subject)
-        assert await page.closed() == SILENT
+        assert await closing_code(page.socket) == Code.SILENT
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGSTOP])
@@ -121,21 +118,20 @@ async def test_garbage_ends_its_own_connection_only(tmp_path: Path) -> None:
             async with server.page() as page:
                 await until(lambda page=page: page.token)
                 await page.socket.send(message)
-                assert await page.closed() == BAD_MESSAGE
+                assert await closing_code(page.socket) == Code.BAD_MESSAGE
             async with server.socket() as unpaired:
                 await unpaired.send(message)
-                await unpaired.wait_closed()
-                assert unpaired.close_code in {BAD_MESSAGE, NOT_PAIRED}
+                assert await closing_code(unpaired) in {Code.BAD_MESSAGE, Code.NOT_PAIRED}
         async with server.page() as page:
             await until(lambda: page.token)
             await page.socket.send("x" * 513)
-            assert await page.closed() == 1009
+            assert await closing_code(page.socket) == 1009
         async with server.page() as page:
             await until(lambda: page.token)
             with suppress(ConnectionClosed):
                 for _ in range(1000):
                     await page.send()
-            assert await page.closed() in {BAD_MESSAGE, 1006}  # cut off, if it sends much after its end
+            assert await closing_code(page.socket) in {Code.BAD_MESSAGE, 1006}  # 1006: it sent on
         with socket.create_connection(("127.0.0.1", int(server.port))) as stream:
             stream.sendall(b"\x16\x03\x01\x02\x00garbage\r\n\r\n")
             assert stream.recv(1000).startswith(b"HTTP/1.1 400")
@@ -230,11 +226,11 @@ async def test_a_code_counts_once_whatever_others_guess(tmp_path: Path) -> None:
         code = (await server.new_address()).partition("#")[2]
         for _ in range(10):
             async with server.page(code="wrong") as guess:
-                assert await guess.closed() == NOT_PAIRED
+                assert await closing_code(guess.socket) == Code.NOT_PAIRED
         async with server.page(code=code):
             await heard(subject, "phone")
             async with server.page(code=code) as second:
-                assert await second.closed() == NOT_PAIRED
+                assert await closing_code(second.socket) == Code.NOT_PAIRED
 
 
 async def test_a_session_connects_again_in_the_place_of_its_old_connection(tmp_path: Path) -> None:
@@ -243,11 +239,11 @@ async def test_a_session_connects_again_in_the_place_of_its_old_connection(tmp_p
         async with server.page(token=page.token) as again:
             await until(lambda: again.token)
             await page.send()
-            assert await page.closed() == REPLACED
+            assert await closing_code(page.socket) == Code.REPLACED
             await until(lambda: again.word is not Word.NOT_HEARD)
             await heard(subject, "phone")
         async with server.page(token="x" * 43) as stranger:
-            assert await stranger.closed() == NOT_PAIRED
+            assert await closing_code(stranger.socket) == Code.NOT_PAIRED
 
 
 async def test_a_page_with_several_connections_has_one_place_in_the_queue_and_only_with_a_name(
@@ -259,14 +255,12 @@ async def test_a_page_with_several_connections_has_one_place_in_the_queue_and_on
         async def refused(hello: str) -> int:
             async with server.socket(path="drive") as socket:
                 await socket.send(hello)
-                await asyncio.wait_for(socket.wait_closed(), LIMIT_S)
-                assert socket.close_code is not None
-                return socket.close_code
+                return await closing_code(socket)
 
         hello = json.dumps({"token": page.token})
         for name in ("", " \t ", "\n"):
             await page.socket.send(json.dumps({"name": name}))
-            assert await refused(hello) == NO_NAME
+            assert await refused(hello) == Code.NO_NAME
         await page.socket.send(json.dumps({"name": "Anna"}))
         async with server.socket(path="drive") as driving:
 
@@ -280,7 +274,7 @@ async def test_a_page_with_several_connections_has_one_place_in_the_queue_and_on
             try:
                 await until(lambda: page.view["driver"] == "Anna")
                 for _ in range(3):
-                    assert await refused(hello) == HAS_PLACE
+                    assert await refused(hello) == Code.HAS_PLACE
                 assert page.view["driver"] == "Anna"
                 assert subject.bus is not None
                 for _ in range(50):
@@ -301,7 +295,7 @@ async def test_a_page_too_many_is_refused(tmp_path: Path) -> None:
             pages.append((opening, await opening.__aenter__()))
             await until(lambda: pages[-1][1].token)
         async with server.page() as page:
-            assert await page.closed() == TOO_MANY
+            assert await closing_code(page.socket) == Code.TOO_MANY
         for opening, _ in pages:
             await opening.__aexit__(None, None, None)  # type: ignore[attr-defined]
 
