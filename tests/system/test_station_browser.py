@@ -11,7 +11,8 @@ import pytest
 from tests.system.browser import Browser, Tab, browser, needs_chromium
 from tests.system.harness import PATIENCE_S, Robot, patiently
 from tests.system.pages import Server, line_to, served
-from tests.system.test_estop_stations import ESTOP, LOST, drive, heard, state
+from tests.system.test_estop_stations import ESTOP, drive, heard, state
+from tests.system.test_station import lost
 from wire import topics
 
 pytestmark = [needs_chromium, pytest.mark.timeout(180), pytest.mark.timed]  # Chromium uses the whole machine
@@ -46,12 +47,6 @@ async def release(subject: Robot, tab: Tab) -> None:
 
     await patiently(attempt)
     await heard(subject, "phone")
-
-
-async def lost(subject: Robot) -> None:
-    await subject.until(
-        lambda: LOST in subject.status.causes and state(subject, "phone") == "lost", "its loss"
-    )
 
 
 async def test_a_touch_stops_and_holding_the_release_permits_the_reset(tmp_path: Path) -> None:
