@@ -417,23 +417,22 @@ async def test_a_terminal_that_accepts_no_output_neither_ends_the_presence_nor_t
         await until(lambda: "door: STOPPED" in door.picture)
 
 
-def refusal_of(*arguments: str) -> str:
-    """Run `lifeline estop` without a terminal, and return the sentence with which it refuses."""
-    ended = subprocess.run(
-        [LIFELINE, "estop", *arguments], stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
-    )
+def refusal_of(*command: str) -> str:
+    """Run a command without a terminal, and return the sentence with which it refuses."""
+    ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
     assert (ended.returncode, ended.stdout) == (2, "")
     (sentence,) = ended.stderr.splitlines()
     return sentence
 
 
 def test_without_a_terminal_a_station_says_so_in_one_sentence() -> None:
-    sentence = refusal_of("--name", "door")
+    sentence = refusal_of(LIFELINE, "estop", "--name", "door")
     assert sentence.startswith("lifeline: an e-stop station needs a terminal on standard input and output")
 
 
 def test_a_name_that_no_configuration_accepts_is_refused_in_one_sentence() -> None:
-    assert refusal_of("--name", "front door").startswith("lifeline: 'front door' is not a name")
+    sentence = refusal_of(LIFELINE, "estop", "--name", "front door")
+    assert sentence.startswith("lifeline: 'front door' is not a name")
 
 
 async def test_one_press_from_the_command_line_is_confirmed(tmp_path: Path) -> None:

@@ -5,10 +5,9 @@ import http.client
 import json
 import signal
 import socket
-import subprocess
 import sys
 import time
-from contextlib import suppress
+from contextlib import AsyncExitStack, suppress
 from pathlib import Path
 
 import pytest
@@ -21,9 +20,9 @@ from teleop.station.state import Word
 from tests.system.authority import TestAuthority
 from tests.system.harness import Robot
 from tests.system.namespaces import needs_namespaces
-from tests.system.operators import LIMIT_S, ROOT, Operator, until
-from tests.system.pages import URL, Code, Page, Server, closing_code, served
-from tests.system.test_estop_stations import ESTOP, LIFELINE, LOST, drive, heard, refused, state
+from tests.system.operators import LIMIT_S, Operator, until
+from tests.system.pages import URL, Code, Server, closing_code, served
+from tests.system.test_estop_stations import ESTOP, LIFELINE, LOST, drive, heard, refusal_of, refused, state
 from wire import topics
 from wire.host.installation import runnable
 from wire.lease import LEASE_S
@@ -288,37 +287,21 @@ async def test_a_page_with_several_connections_has_one_place_in_the_queue_and_on
 
 
 async def test_a_page_too_many_is_refused(tmp_path: Path) -> None:
-    async with served(tmp_path) as (_, server):
-        pages: list[tuple[object, Page]] = []
+    async with served(tmp_path) as (_, server), AsyncExitStack() as opened:
         for _ in range(MAX_PAGES):
-            opening = server.page()
-            pages.append((opening, await opening.__aenter__()))
-            await until(lambda: pages[-1][1].token)
-        async with server.page() as page:
-            assert await closing_code(page.socket) == Code.TOO_MANY
-        for opening, _ in pages:
-            await opening.__aexit__(None, None, None)  # type: ignore[attr-defined]
-
-
-def refusal_of(*arguments: str) -> str:
-    """Run `lifeline station` without a terminal, and return the sentence with which it refuses."""
-    ended = subprocess.run(
-        [LIFELINE, "station", *arguments],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (ended.returncode, ended.stdout) == (2, "")
-    (sentence,) = ended.stderr.splitlines()
-    return sentence
+            page = await opened.enter_async_context(server.page())
+            await until(lambda page=page: page.token)
+        async with server.page() as late:
+            assert await closing_code(late.socket) == Code.TOO_MANY
 
 
 def test_what_cannot_be_served_is_refused_in_one_sentence(tmp_path: Path) -> None:
-    assert refusal_of("--name", "front door").startswith("lifeline: 'front door' is not a name")
+    sentence = refusal_of(LIFELINE, "station", "--name", "front door")
+    assert sentence.startswith("lifeline: 'front door' is not a name")
     with socket.create_server(("127.0.0.1", 0)) as busy:
         port = str(busy.getsockname()[1])
-        assert f"port {port} on 127.0.0.1 is in use by another program" in refusal_of("--port", port)
+        sentence = refusal_of(LIFELINE, "station", "--port", port)
+    assert f"port {port} on 127.0.0.1 is in use by another program" in sentence
 
 
 NETWORK = "ip link set lo up && ip address add 10.77.0.1/32 dev lo && ip route add default dev lo src 10.77.0.1 && exec "
@@ -383,14 +366,8 @@ def test_a_certificate_that_cannot_serve_the_page_is_refused_with_the_command_th
     if "driver" in options:
         ours.bundle("driver", Role.OPERATOR, hosts=("10.77.0.1",)).rename(places["keys"] / "driver")
     station = f"{LIFELINE} station --open --config {DEFAULT_CONFIG} {options.format(**places)}"
-    ended = subprocess.run(
-        ["unshare", "--net", "sh", "-c", NETWORK + station],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (ended.returncode, ended.stderr) == (2, runnable(f"lifeline: {sentence.format(**places)}\n"))
+    refusal = refusal_of("unshare", "--net", "sh", "-c", NETWORK + station)
+    assert refusal == runnable(f"lifeline: {sentence.format(**places)}")
 
 
 @needs_namespaces
@@ -399,14 +376,8 @@ def test_without_a_network_the_command_leaves_the_address_to_the_person_and_name
 ) -> None:
     config = tmp_path / "robot.toml"
     config.write_text('[bus]\nnamespace = "r7"\n')
-    ended = subprocess.run(
-        ["unshare", "--net", LIFELINE, "station", "--open", "--config", str(config)],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert "issue phone-page --role estop --robot r7 --host ADDRESS`" in ended.stderr
+    refusal = refusal_of("unshare", "--net", LIFELINE, "station", "--open", "--config", str(config))
+    assert "issue phone-page --role estop --robot r7 --host ADDRESS`" in refusal
 
 
 CLIENT = """
@@ -503,8 +474,5 @@ def test_without_its_packages_the_command_says_how_to_install_them() -> None:
         "import sys; sys.modules['uvicorn'] = None; sys.argv = ['lifeline', 'station'];"
         "from lifeline.cli.app import main; main()"
     )
-    ended = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=ROOT
-    )
-    assert ended.returncode == 2
-    assert ended.stderr == "lifeline: this needs an extra: install lifeline[station], with `make setup`\n"
+    refusal = refusal_of(sys.executable, "-c", code)
+    assert refusal == "lifeline: this needs an extra: install lifeline[station], with `make setup`"
