@@ -8,6 +8,7 @@ import socket
 import sys
 import time
 from contextlib import AsyncExitStack, suppress
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -195,11 +196,12 @@ async def test_a_stranger_that_sends_much_is_cut_off_and_the_page_that_is_open_i
 
 
 async def test_pages_of_other_servers_and_names_are_refused(tmp_path: Path) -> None:
-    async with served(tmp_path) as (_, server):
-        for origin in (None, "null", "http://evil.example", f"https://127.0.0.1:{server.port}"):
+    async with served(tmp_path, drives=True) as (_, server):
+        foreign = (None, "null", "http://evil.example", f"https://127.0.0.1:{server.port}")
+        for origin, path in product(foreign, ("lease", "picture", "drive")):
             with pytest.raises(InvalidStatus, match="403"):
-                async with server.socket(origin):
-                    pytest.fail(f"{origin} was served")
+                async with server.socket(origin, path=path):
+                    pytest.fail(f"{origin} was served at {path}")
         with pytest.raises(InvalidStatus, match="403"):
             async with server.socket(host="evil.example"):
                 pytest.fail("a changed name was served")
