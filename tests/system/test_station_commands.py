@@ -192,14 +192,8 @@ async def test_a_page_that_has_never_drawn_a_picture_does_not_drive(tmp_path: Pa
     "text",
     [
         "garbage",
-        "{}",
         '{"linear": 1.01, "angular": 0, "time_s": 1e6, "picture": 1}',
-        '{"linear": NaN, "angular": 0, "time_s": 1e6, "picture": 1}',
-        '{"linear": true, "angular": 0, "time_s": 1e6, "picture": 1}',
-        '{"linear": "1", "angular": 0, "time_s": 1e6, "picture": 1}',
-        '{"linear": 0.1, "angular": 0, "time_s": 1e6}',
         '{"linear": 0.1, "angular": 0, "time_s": -1, "picture": 1}',
-        '{"request": 1}',
     ],
 )
 async def test_a_message_that_is_no_command_ends_the_driving(tmp_path: Path, text: str) -> None:
