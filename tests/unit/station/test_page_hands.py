@@ -1,12 +1,10 @@
 """The hands at a page that drives, in JavaScript with a simple copy of a browser: what each event sends to the server."""
 
-import json
-import subprocess
 from typing import Any
 
 import pytest
 
-from tests.unit.station.test_page_lease import NODE, PAGE
+from tests.unit.station.test_page_lease import in_node
 
 PROGRAM = """
 import { readFileSync } from "node:fs";
@@ -91,12 +89,7 @@ W: Step = ["window", "keydown", {"code": "KeyW"}]
 
 def run(*steps: Step) -> tuple[list[dict[str, Any]], dict[str, str], int]:
     """Return what was sent, the texts of the page's elements, and the number of the newest picture that counts as drawn."""
-    node = [str(NODE), "--input-type=module", "--eval", PROGRAM]
-    done = subprocess.run(
-        node, cwd=PAGE, input=json.dumps(steps), capture_output=True, text=True, check=False, timeout=60
-    )
-    assert done.returncode == 0, done.stderr
-    return tuple(json.loads(done.stdout))
+    return tuple(in_node(PROGRAM, steps))
 
 
 def newest(*steps: Step) -> float:
