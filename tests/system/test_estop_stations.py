@@ -66,18 +66,6 @@ async def station(
         made.close()
 
 
-@asynccontextmanager
-async def heard_station(tmp_path: Path) -> AsyncGenerator[tuple[Robot, Operator]]:
-    """A supervisor alone, and its required station, which is heard."""
-    config = config_with(tmp_path, door=True)
-    async with (
-        robot(tmp_path, topics.SUPERVISOR, teleop=False, config=config) as subject,
-        station(subject.endpoint) as door,
-    ):
-        await heard(subject)
-        yield subject, door
-
-
 def state(subject: Robot, name: str = "door") -> str:
     return next((one.words() for one in subject.status.estop_stations if one.name == name), "none")
 
@@ -353,7 +341,12 @@ async def test_a_station_that_is_not_configured_says_so_and_that_its_key_has_sto
 async def test_a_second_program_of_one_name_stops_the_robot_by_its_key_but_not_by_leaving(
     tmp_path: Path,
 ) -> None:
-    async with heard_station(tmp_path) as (subject, door):
+    config = config_with(tmp_path, door=True)
+    async with (
+        robot(tmp_path, topics.SUPERVISOR, teleop=False, config=config) as subject,
+        station(subject.endpoint) as door,
+    ):
+        await heard(subject)
         await until(lambda: "Leaving stops the robot" in door.picture)
         async with station(subject.endpoint) as second:
             await until(lambda: "another program is the station door" in second.picture)

@@ -11,15 +11,13 @@ import pytest
 from tests.system.browser import Browser, Tab, browser, needs_chromium
 from tests.system.harness import PATIENCE_S, Robot, patiently
 from tests.system.pages import Server, line_to, served
-from tests.system.test_estop_stations import ESTOP, drive, heard, state
+from tests.system.test_estop_stations import ESTOP, LATE_S, drive, heard, state
 from tests.system.test_station import lost
 from wire import topics
 
 pytestmark = [needs_chromium, pytest.mark.timeout(180), pytest.mark.timed]  # Chromium uses the whole machine
 
 PRESSES = 5
-LATE_S = 0.3
-"""How late a process may be beside other tests."""
 
 
 @asynccontextmanager

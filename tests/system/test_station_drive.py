@@ -13,8 +13,8 @@ from supervisor.blackbox.reader import BlackBoxReader
 from tests.system.browser import Browser, Tab, browser, needs_chromium
 from tests.system.harness import PATIENCE_S, Robot, patiently
 from tests.system.pages import Server
-from tests.system.test_estop_stations import ESTOP, heard
-from tests.system.test_station_browser import LATE_S, PRESSES, closed, killed
+from tests.system.test_estop_stations import ESTOP, LATE_S, heard
+from tests.system.test_station_browser import PRESSES, closed, killed
 from tests.system.test_station_commands import SLOW_M_S, stands
 from tests.system.test_station_picture import watched
 
