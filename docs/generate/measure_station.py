@@ -62,12 +62,7 @@ NEWS = """(() => {
 
 
 class Rig:
-    """A robot in its warehouse, and the page that drives it. What an event ends is replaced before the next run.
-
-    Args:
-        subject: the robot.
-        server: of the page.
-    """
+    """A robot in its warehouse, and the page that drives it. What an event ends is replaced before the next run."""
 
     def __init__(self, subject: Robot, server: Server) -> None:
         assert subject.bus is not None

@@ -23,7 +23,7 @@ pytestmark = [needs_chromium, pytest.mark.timeout(240), pytest.mark.timed]  # Ch
 
 @asynccontextmanager
 async def wheel(tmp_path: Path) -> AsyncGenerator[tuple[Robot, Server, Browser, Tab]]:
-    """A robot in its warehouse, and a page that may drive it and has reset it."""
+    """A robot in its warehouse, and a page at which Anna has pressed Drive."""
     async with watched(tmp_path, teleop=False, drives=True) as (subject, server, chromium, tab):
         await takes(tab)
         yield subject, server, chromium, tab
