@@ -185,7 +185,6 @@ async def test_a_page_that_has_never_drawn_a_picture_does_not_drive(tmp_path: Pa
         while not sentence.startswith("The robot is not seen:"):
             await commands.send(json.dumps(wanted))
             sentence = json.loads(await asyncio.wait_for(commands.recv(), PATIENCE_S))["sentence"]
-        await stays(subject)
 
 
 @pytest.mark.parametrize(
