@@ -47,8 +47,8 @@ class LivePainter:
         return self._picture.picture(asyncio.get_running_loop().time()), self._picture.scan_s
 
 
-def painter_of(launch: Launch, passport: str = "") -> LivePainter | None:
-    """Return what shows the robot, with the sentence of its passport; None if its configuration is not known here."""
+def painter_of(launch: Launch, passport: str) -> LivePainter | None:
+    """Return what shows the robot, with the sentence of its passport (empty: none); None if its configuration is not known here."""
     if ANY_BASE in launch.nodes:
         return None
     config = launch.section("supervisor", SupervisorSection)

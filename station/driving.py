@@ -67,11 +67,7 @@ class Pictures:
 
 
 class Commands:
-    """The commands of one page.
-
-    Args:
-        wheel: sends them on; the page holds it.
-    """
+    """The commands of one page, which holds the wheel."""
 
     def __init__(self, wheel: Wheel) -> None:
         self._wheel = wheel
@@ -133,11 +129,7 @@ class Person:
 
 
 class Driving:
-    """Gives the wheel to one person at a time. All times are of one monotonic clock.
-
-    Args:
-        wheel: the command source.
-    """
+    """Gives the wheel to one person at a time. All times are of one monotonic clock."""
 
     def __init__(self, wheel: Wheel) -> None:
         self._wheel, self.record = wheel, wheel.record

@@ -29,7 +29,7 @@ BLANK = re.compile(r"[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u2800\u3164\uf
 MAX_NUMBER = (1 << 64) - 1
 MAX_TIME_S = 1e9
 """Of a page's clock, which begins when the page is loaded."""
-DIGITS = re.compile(r"[0-9]{1,20}", re.ASCII)
+DIGITS = re.compile(r"[0-9]{1,20}")
 Fields = Mapping[str, object]
 """Of a message of the server, without its kind."""
 

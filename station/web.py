@@ -55,15 +55,16 @@ class ClosingError(Exception):
         self.code, self.sentence = code, sentence.encode()[:MAX_REASON].decode(errors="ignore")
 
 
-NOT_PAIRED = ClosingError(4401, "Not paired: open the address with a new code, which the terminal shows.")
-BAD_MESSAGE = ClosingError(4400, "The page's messages were refused: open the address with a new code.")
-SILENT = ClosingError(4408, "The page was silent: keep it visible, and press Drive again.")
-REPLACED = ClosingError(4409, "The page has a newer connection: use that one.")
-NO_DRIVING = ClosingError(4405, "This station does not drive: start it with --drive.")
-NO_NAME = ClosingError(4403, "Enter your name first.")
-HAS_PLACE = ClosingError(4411, "This page drives or asks already: press Drive again in a second.")
-NO_PICTURE = ClosingError(4404, "This station shows no pictures: start it with the robot's --config.")
-TOO_MANY_PAGES = ClosingError(4429, "Too many pages of this station are open: close one.")
+# These are no errors: one that is raised again keeps the frames of each raise, and with them what each page had in memory.
+NOT_PAIRED = 4401, "Not paired: open the address with a new code, which the terminal shows."
+BAD_MESSAGE = 4400, "The page's messages were refused: open the address with a new code."
+SILENT = 4408, "The page was silent: keep it visible, and press Drive again."
+REPLACED = 4409, "The page has a newer connection: use that one."
+NO_DRIVING = 4405, "This station does not drive: start it with --drive."
+NO_NAME = 4403, "Enter your name first."
+HAS_PLACE = 4411, "This page drives or asks already: press Drive again in a second."
+NO_PICTURE = 4404, "This station shows no pictures: start it with the robot's --config."
+TOO_MANY_PAGES = 4429, "Too many pages of this station are open: close one."
 ANOTHER_ASKS = "The person who was shown does not ask any more: look who asks now."
 
 
@@ -117,7 +118,7 @@ class Socket:
             async with asyncio.timeout(limit_s):
                 message = await self._websocket.receive()
         except TimeoutError as error:
-            raise SILENT from error
+            raise ClosingError(*SILENT) from error
         if message["type"] == "websocket.disconnect":
             raise WebSocketDisconnect
         now_s = asyncio.get_running_loop().time()
@@ -125,7 +126,7 @@ class Socket:
             self._since_s, self._count = now_s, 0
         self._count += 1
         if (text := message.get("text")) is None or self._count > MAX_MESSAGES_PER_S:
-            raise BAD_MESSAGE
+            raise ClosingError(*BAD_MESSAGE)
         return text
 
 
@@ -149,8 +150,8 @@ class Application:
         relay: Relay,
         pairing: Pairing,
         say: Callable[[str], None],
-        painter: Painter | None = None,
-        driving: Driving | None = None,
+        painter: Painter | None,
+        driving: Driving | None,
     ) -> None:
         self._name, self._address, self._relay, self._pairing, self._say = name, address, relay, pairing, say
         self._painter, self._driving = painter, driving
@@ -197,7 +198,7 @@ class Application:
         except WebSocketDisconnect:
             return
         except (ClosingError, BadMessageError) as error:
-            closing = error if isinstance(error, ClosingError) else BAD_MESSAGE
+            closing = error if isinstance(error, ClosingError) else ClosingError(*BAD_MESSAGE)
             with suppress(WebSocketDisconnect, RuntimeError):  # it has ended meanwhile
                 await websocket.close(closing.code, closing.sentence)
         except Exception:
@@ -216,7 +217,7 @@ class Application:
         else:
             session = self._pairing.resume(token, now_s)
         if session is None or not (begins or session in self._runs):
-            raise NOT_PAIRED
+            raise ClosingError(*NOT_PAIRED)
         return session
 
     async def _lease(self, socket: Socket, session: Session) -> None:
@@ -224,7 +225,7 @@ class Application:
         if (before := self._runs.pop(session, None)) is not None:
             self._relay.leave(before)
         if self._relay.is_full:
-            raise TOO_MANY_PAGES
+            raise ClosingError(*TOO_MANY_PAGES)
         may_drive = self._driving is not None
         socket.show("welcome", {"station": self._name, "token": session.token, "may_drive": may_drive})
         run = self._runs[session] = self._relay.enter(socket)
@@ -237,7 +238,7 @@ class Application:
                     continue
                 was_pressed = run.is_pressed
                 if not self._relay.hear(run, heard):
-                    raise REPLACED
+                    raise ClosingError(*REPLACED)
                 if self._driving is not None and run.is_pressed and not was_pressed:
                     name = session.name or "a person without a name"
                     self._driving.record(session, f"{name} pressed the e-stop")
@@ -253,9 +254,9 @@ class Application:
         So nothing waits in a slow link, and the pictures have a connection of their own: they never delay the lease.
         """
         if self._painter is None:
-            raise NO_PICTURE
+            raise ClosingError(*NO_PICTURE)
         if len(self._pictures) >= MAX_PAGES or session in self._pictures:
-            raise TOO_MANY_PAGES
+            raise ClosingError(*TOO_MANY_PAGES)
         pictures = self._pictures[session] = Pictures()
         loop, number, round_trip_s = asyncio.get_running_loop(), 0, 0.0
         try:
@@ -267,7 +268,7 @@ class Application:
                 head = {"number": number, "round_trip_s": round(round_trip_s, 4)}
                 await socket.send("picture", {**head, **picture})
                 if messages.read_drawn(await socket.read(DRAW_LIMIT_S)) != number:
-                    raise BAD_MESSAGE
+                    raise ClosingError(*BAD_MESSAGE)
                 round_trip_s = loop.time() - sent_s
                 await asyncio.sleep(PICTURE_PERIOD_S - round_trip_s)
         finally:
@@ -276,11 +277,11 @@ class Application:
     async def _drive(self, socket: Socket, session: Session) -> None:
         """Let a page ask to drive, and drive."""
         if self._driving is None:
-            raise NO_DRIVING
+            raise ClosingError(*NO_DRIVING)
         if not session.name:
-            raise NO_NAME
+            raise ClosingError(*NO_NAME)
         if self._driving.has(session):
-            raise HAS_PLACE
+            raise ClosingError(*HAS_PLACE)
         person = self._driving.enter(session.name, session)
         try:
             await self._follow(socket, session, self._driving, person)

@@ -92,14 +92,7 @@ class PlainSocket:
 
 
 class Rig:
-    """A robot in its warehouse, and the page that drives it. What an event ends is replaced before the next run.
-
-    Args:
-        subject: the robot.
-        server: of the page.
-        plain: see there.
-        connect: what a page evaluates to connect to it.
-    """
+    """A robot in its warehouse, and the page that drives it. What an event ends is replaced before the next run."""
 
     def __init__(self, subject: Robot, server: Server, plain: PlainSocket, connect: str) -> None:
         assert subject.bus is not None

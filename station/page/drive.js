@@ -27,7 +27,7 @@ export function offer(ofSession) {
 // Shows who drives; empty: nobody.
 export function show(driver) {
   document.body.dataset.driver = driver;
-  write("drive-word", driver === "" ? "Drive" : `${driver} drives. Ask to drive`);
+  write("drive-begin", driver === "" ? "Drive" : `${driver} drives. Ask to drive`);
 }
 
 // Whether a key drives, and therefore does not stop.
@@ -170,7 +170,6 @@ addEventListener("keyup", (event) => {
 
 addEventListener("blur", () => letGo("Something else has the focus: press again."));
 document.addEventListener("visibilitychange", () => letGo("The page was hidden: press again."));
-addEventListener("pagehide", () => end(""));
 addEventListener("gamepaddisconnected", () => letGo("The gamepad was lost: connect it, and press again."));
 
 function request(message) {

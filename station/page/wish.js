@@ -15,7 +15,7 @@ const KEYS = {
 };
 const DEAD_ZONE = 0.15;
 const LEVELS = 5;
-export const DEAD_MAN = 4; // left shoulder button, in the standard mapping
+const DEAD_MAN = 4; // left shoulder button, in the standard mapping
 
 // isPadFree: whether the gamepad was seen with its dead-man button released since everything was last forgotten.
 export const NOTHING = { enable: null, stick: null, keys: [], pad: null, isPadFree: false };

@@ -5,6 +5,7 @@ import json
 import re
 from collections.abc import AsyncGenerator, Sequence
 from contextlib import asynccontextmanager, suppress
+from enum import IntEnum
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,28 @@ from wire.messages import EstopLease
 URL = re.compile(r"https?://\S+#\w+(?=\s)")
 """An address with its complete code. A terminal may deliver a line in parts."""
 CHALLENGES = count(1)
+
+
+class Code(IntEnum):
+    """Why the server closes a connection."""
+
+    BAD_MESSAGE = 4400
+    NOT_PAIRED = 4401
+    NO_NAME = 4403
+    NO_DRIVING = 4405
+    SILENT = 4408
+    REPLACED = 4409
+    HANDED_OVER = 4410
+    HAS_PLACE = 4411
+    HELD = 4423
+    TOO_MANY = 4429
+
+
+async def closing_code(socket: ClientConnection) -> int:
+    """Wait until a connection is closed; return the code."""
+    await asyncio.wait_for(socket.wait_closed(), LIMIT_S)
+    assert socket.close_code is not None
+    return socket.close_code
 
 
 class Server(Operator):
@@ -132,12 +155,6 @@ class Page:
     @property
     def word(self) -> Word:
         return self.lease.word(asyncio.get_running_loop().time())
-
-    async def closed(self) -> int:
-        """Wait until the server closes the connection, and return its code."""
-        await asyncio.wait_for(self.socket.wait_closed(), LIMIT_S)
-        assert self.socket.close_code is not None
-        return self.socket.close_code
 
 
 @asynccontextmanager

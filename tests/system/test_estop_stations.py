@@ -66,18 +66,6 @@ async def station(
         made.close()
 
 
-@asynccontextmanager
-async def heard_station(tmp_path: Path) -> AsyncGenerator[tuple[Robot, Operator]]:
-    """A supervisor alone, and its required station, which is heard."""
-    config = config_with(tmp_path, door=True)
-    async with (
-        robot(tmp_path, topics.SUPERVISOR, teleop=False, config=config) as subject,
-        station(subject.endpoint) as door,
-    ):
-        await heard(subject)
-        yield subject, door
-
-
 def state(subject: Robot, name: str = "door") -> str:
     return next((one.words() for one in subject.status.estop_stations if one.name == name), "none")
 
@@ -353,7 +341,12 @@ async def test_a_station_that_is_not_configured_says_so_and_that_its_key_has_sto
 async def test_a_second_program_of_one_name_stops_the_robot_by_its_key_but_not_by_leaving(
     tmp_path: Path,
 ) -> None:
-    async with heard_station(tmp_path) as (subject, door):
+    config = config_with(tmp_path, door=True)
+    async with (
+        robot(tmp_path, topics.SUPERVISOR, teleop=False, config=config) as subject,
+        station(subject.endpoint) as door,
+    ):
+        await heard(subject)
         await until(lambda: "Leaving stops the robot" in door.picture)
         async with station(subject.endpoint) as second:
             await until(lambda: "another program is the station door" in second.picture)
@@ -417,23 +410,22 @@ async def test_a_terminal_that_accepts_no_output_neither_ends_the_presence_nor_t
         await until(lambda: "door: STOPPED" in door.picture)
 
 
-def refusal_of(*arguments: str) -> str:
-    """Run `lifeline estop` without a terminal, and return the sentence with which it refuses."""
-    ended = subprocess.run(
-        [LIFELINE, "estop", *arguments], stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
-    )
+def refusal_of(*command: str) -> str:
+    """Run a command without a terminal, and return the sentence with which it refuses."""
+    ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
     assert (ended.returncode, ended.stdout) == (2, "")
     (sentence,) = ended.stderr.splitlines()
     return sentence
 
 
 def test_without_a_terminal_a_station_says_so_in_one_sentence() -> None:
-    sentence = refusal_of("--name", "door")
+    sentence = refusal_of(LIFELINE, "estop", "--name", "door")
     assert sentence.startswith("lifeline: an e-stop station needs a terminal on standard input and output")
 
 
 def test_a_name_that_no_configuration_accepts_is_refused_in_one_sentence() -> None:
-    assert refusal_of("--name", "front door").startswith("lifeline: 'front door' is not a name")
+    sentence = refusal_of(LIFELINE, "estop", "--name", "front door")
+    assert sentence.startswith("lifeline: 'front door' is not a name")
 
 
 async def test_one_press_from_the_command_line_is_confirmed(tmp_path: Path) -> None:

@@ -5,10 +5,10 @@ import http.client
 import json
 import signal
 import socket
-import subprocess
 import sys
 import time
-from contextlib import suppress
+from contextlib import AsyncExitStack, suppress
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -21,18 +21,15 @@ from teleop.station.state import Word
 from tests.system.authority import TestAuthority
 from tests.system.harness import Robot
 from tests.system.namespaces import needs_namespaces
-from tests.system.operators import LIMIT_S, ROOT, Operator, until
-from tests.system.pages import URL, Page, Server, served
-from tests.system.test_estop_stations import ESTOP, LIFELINE, LOST, drive, heard, refused, state
+from tests.system.operators import LIMIT_S, Operator, until
+from tests.system.pages import URL, Code, Server, closing_code, served
+from tests.system.test_estop_stations import ESTOP, LIFELINE, LOST, drive, heard, refusal_of, refused, state
 from wire import topics
 from wire.host.installation import runnable
 from wire.lease import LEASE_S
 from wire.roles import Role
 
 pytestmark = pytest.mark.timeout(180)
-
-BAD_MESSAGE, NOT_PAIRED, SILENT, REPLACED, TOO_MANY = 4400, 4401, 4408, 4409, 4429
-NO_NAME, HAS_PLACE = 4403, 4411
 
 
 async def lost(subject: Robot) -> None:
@@ -77,7 +74,7 @@ async def test_a_page_that_is_silent_on_an_open_connection_loses_its_lease_and_t
     async with served(tmp_path) as (subject, server), server.heard_page(subject) as page:
         page.hangs = True
         await lost(subject)
-        assert await page.closed() == SILENT
+        assert await closing_code(page.socket) == Code.SILENT
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGSTOP])
@@ -121,26 +118,27 @@ async def test_garbage_ends_its_own_connection_only(tmp_path: Path) -> None:
             async with server.page() as page:
                 await until(lambda page=page: page.token)
                 await page.socket.send(message)
-                assert await page.closed() == BAD_MESSAGE
+                assert await closing_code(page.socket) == Code.BAD_MESSAGE
             async with server.socket() as unpaired:
                 await unpaired.send(message)
-                await unpaired.wait_closed()
-                assert unpaired.close_code in {BAD_MESSAGE, NOT_PAIRED}
+                assert await closing_code(unpaired) in {Code.BAD_MESSAGE, Code.NOT_PAIRED}
         async with server.page() as page:
             await until(lambda: page.token)
             await page.socket.send("x" * 513)
-            assert await page.closed() == 1009
+            assert await closing_code(page.socket) == 1009
         async with server.page() as page:
             await until(lambda: page.token)
             with suppress(ConnectionClosed):
                 for _ in range(1000):
                     await page.send()
-            assert await page.closed() in {BAD_MESSAGE, 1006}  # cut off, if it sends much after its end
+            assert await closing_code(page.socket) in {Code.BAD_MESSAGE, 1006}  # 1006: it sent on
         with socket.create_connection(("127.0.0.1", int(server.port))) as stream:
             stream.sendall(b"\x16\x03\x01\x02\x00garbage\r\n\r\n")
             assert stream.recv(1000).startswith(b"HTTP/1.1 400")
         async with server.heard_page(subject):
-            assert "Traceback" not in server.output
+            server.send(signal.SIGTERM)
+        _, errors = await server.ended()
+        assert "Traceback" not in errors
 
 
 def upgrade(server: Server) -> bytes:
@@ -200,11 +198,12 @@ async def test_a_stranger_that_sends_much_is_cut_off_and_the_page_that_is_open_i
 
 
 async def test_pages_of_other_servers_and_names_are_refused(tmp_path: Path) -> None:
-    async with served(tmp_path) as (_, server):
-        for origin in (None, "null", "http://evil.example", f"https://127.0.0.1:{server.port}"):
+    async with served(tmp_path, drives=True) as (_, server):
+        foreign = (None, "null", "http://evil.example", f"https://127.0.0.1:{server.port}")
+        for origin, path in product(foreign, ("lease", "picture", "drive")):
             with pytest.raises(InvalidStatus, match="403"):
-                async with server.socket(origin):
-                    pytest.fail(f"{origin} was served")
+                async with server.socket(origin, path=path):
+                    pytest.fail(f"{origin} was served at {path}")
         with pytest.raises(InvalidStatus, match="403"):
             async with server.socket(host="evil.example"):
                 pytest.fail("a changed name was served")
@@ -230,11 +229,11 @@ async def test_a_code_counts_once_whatever_others_guess(tmp_path: Path) -> None:
         code = (await server.new_address()).partition("#")[2]
         for _ in range(10):
             async with server.page(code="wrong") as guess:
-                assert await guess.closed() == NOT_PAIRED
+                assert await closing_code(guess.socket) == Code.NOT_PAIRED
         async with server.page(code=code):
             await heard(subject, "phone")
             async with server.page(code=code) as second:
-                assert await second.closed() == NOT_PAIRED
+                assert await closing_code(second.socket) == Code.NOT_PAIRED
 
 
 async def test_a_session_connects_again_in_the_place_of_its_old_connection(tmp_path: Path) -> None:
@@ -243,11 +242,11 @@ async def test_a_session_connects_again_in_the_place_of_its_old_connection(tmp_p
         async with server.page(token=page.token) as again:
             await until(lambda: again.token)
             await page.send()
-            assert await page.closed() == REPLACED
+            assert await closing_code(page.socket) == Code.REPLACED
             await until(lambda: again.word is not Word.NOT_HEARD)
             await heard(subject, "phone")
         async with server.page(token="x" * 43) as stranger:
-            assert await stranger.closed() == NOT_PAIRED
+            assert await closing_code(stranger.socket) == Code.NOT_PAIRED
 
 
 async def test_a_page_with_several_connections_has_one_place_in_the_queue_and_only_with_a_name(
@@ -259,14 +258,12 @@ async def test_a_page_with_several_connections_has_one_place_in_the_queue_and_on
         async def refused(hello: str) -> int:
             async with server.socket(path="drive") as socket:
                 await socket.send(hello)
-                await asyncio.wait_for(socket.wait_closed(), LIMIT_S)
-                assert socket.close_code is not None
-                return socket.close_code
+                return await closing_code(socket)
 
         hello = json.dumps({"token": page.token})
         for name in ("", " \t ", "\n"):
             await page.socket.send(json.dumps({"name": name}))
-            assert await refused(hello) == NO_NAME
+            assert await refused(hello) == Code.NO_NAME
         await page.socket.send(json.dumps({"name": "Anna"}))
         async with server.socket(path="drive") as driving:
 
@@ -280,7 +277,7 @@ async def test_a_page_with_several_connections_has_one_place_in_the_queue_and_on
             try:
                 await until(lambda: page.view["driver"] == "Anna")
                 for _ in range(3):
-                    assert await refused(hello) == HAS_PLACE
+                    assert await refused(hello) == Code.HAS_PLACE
                 assert page.view["driver"] == "Anna"
                 assert subject.bus is not None
                 for _ in range(50):
@@ -294,37 +291,21 @@ async def test_a_page_with_several_connections_has_one_place_in_the_queue_and_on
 
 
 async def test_a_page_too_many_is_refused(tmp_path: Path) -> None:
-    async with served(tmp_path) as (_, server):
-        pages: list[tuple[object, Page]] = []
+    async with served(tmp_path) as (_, server), AsyncExitStack() as opened:
         for _ in range(MAX_PAGES):
-            opening = server.page()
-            pages.append((opening, await opening.__aenter__()))
-            await until(lambda: pages[-1][1].token)
-        async with server.page() as page:
-            assert await page.closed() == TOO_MANY
-        for opening, _ in pages:
-            await opening.__aexit__(None, None, None)  # type: ignore[attr-defined]
-
-
-def refusal_of(*arguments: str) -> str:
-    """Run `lifeline station` without a terminal, and return the sentence with which it refuses."""
-    ended = subprocess.run(
-        [LIFELINE, "station", *arguments],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (ended.returncode, ended.stdout) == (2, "")
-    (sentence,) = ended.stderr.splitlines()
-    return sentence
+            page = await opened.enter_async_context(server.page())
+            await until(lambda page=page: page.token)
+        async with server.page() as late:
+            assert await closing_code(late.socket) == Code.TOO_MANY
 
 
 def test_what_cannot_be_served_is_refused_in_one_sentence(tmp_path: Path) -> None:
-    assert refusal_of("--name", "front door").startswith("lifeline: 'front door' is not a name")
+    sentence = refusal_of(LIFELINE, "station", "--name", "front door")
+    assert sentence.startswith("lifeline: 'front door' is not a name")
     with socket.create_server(("127.0.0.1", 0)) as busy:
         port = str(busy.getsockname()[1])
-        assert f"port {port} on 127.0.0.1 is in use by another program" in refusal_of("--port", port)
+        sentence = refusal_of(LIFELINE, "station", "--port", port)
+    assert f"port {port} on 127.0.0.1 is in use by another program" in sentence
 
 
 NETWORK = "ip link set lo up && ip address add 10.77.0.1/32 dev lo && ip route add default dev lo src 10.77.0.1 && exec "
@@ -389,14 +370,8 @@ def test_a_certificate_that_cannot_serve_the_page_is_refused_with_the_command_th
     if "driver" in options:
         ours.bundle("driver", Role.OPERATOR, hosts=("10.77.0.1",)).rename(places["keys"] / "driver")
     station = f"{LIFELINE} station --open --config {DEFAULT_CONFIG} {options.format(**places)}"
-    ended = subprocess.run(
-        ["unshare", "--net", "sh", "-c", NETWORK + station],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (ended.returncode, ended.stderr) == (2, runnable(f"lifeline: {sentence.format(**places)}\n"))
+    refusal = refusal_of("unshare", "--net", "sh", "-c", NETWORK + station)
+    assert refusal == runnable(f"lifeline: {sentence.format(**places)}")
 
 
 @needs_namespaces
@@ -405,14 +380,8 @@ def test_without_a_network_the_command_leaves_the_address_to_the_person_and_name
 ) -> None:
     config = tmp_path / "robot.toml"
     config.write_text('[bus]\nnamespace = "r7"\n')
-    ended = subprocess.run(
-        ["unshare", "--net", LIFELINE, "station", "--open", "--config", str(config)],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert "issue phone-page --role estop --robot r7 --host ADDRESS`" in ended.stderr
+    refusal = refusal_of("unshare", "--net", LIFELINE, "station", "--open", "--config", str(config))
+    assert "issue phone-page --role estop --robot r7 --host ADDRESS`" in refusal
 
 
 CLIENT = """
@@ -509,8 +478,5 @@ def test_without_its_packages_the_command_says_how_to_install_them() -> None:
         "import sys; sys.modules['uvicorn'] = None; sys.argv = ['lifeline', 'station'];"
         "from lifeline.cli.app import main; main()"
     )
-    ended = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=ROOT
-    )
-    assert ended.returncode == 2
-    assert ended.stderr == "lifeline: this needs an extra: install lifeline[station], with `make setup`\n"
+    refusal = refusal_of(sys.executable, "-c", code)
+    assert refusal == "lifeline: this needs an extra: install lifeline[station], with `make setup`"

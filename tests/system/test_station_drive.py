@@ -13,18 +13,17 @@ from supervisor.blackbox.reader import BlackBoxReader
 from tests.system.browser import Browser, Tab, browser, needs_chromium
 from tests.system.harness import PATIENCE_S, Robot, patiently
 from tests.system.pages import Server
-from tests.system.test_estop_stations import ESTOP, heard
-from tests.system.test_station_browser import LATE_S, PRESSES
+from tests.system.test_estop_stations import ESTOP, LATE_S, heard
+from tests.system.test_station_browser import PRESSES, closed, killed
+from tests.system.test_station_commands import SLOW_M_S, stands
 from tests.system.test_station_picture import watched
 
 pytestmark = [needs_chromium, pytest.mark.timeout(240), pytest.mark.timed]  # Chromium uses the whole machine
 
-SLOW_M_S = 0.1
-
 
 @asynccontextmanager
 async def wheel(tmp_path: Path) -> AsyncGenerator[tuple[Robot, Server, Browser, Tab]]:
-    """A robot in its warehouse, and a page that may drive it and has reset it."""
+    """A robot in its warehouse, and a page at which Anna has pressed Drive."""
     async with watched(tmp_path, teleop=False, drives=True) as (subject, server, chromium, tab):
         await takes(tab)
         yield subject, server, chromium, tab
@@ -70,10 +69,6 @@ async def may_drive(subject: Robot, tab: Tab) -> None:
     await subject.ready(PATIENCE_S / 4)
 
 
-async def stands(subject: Robot) -> None:
-    await subject.until(lambda: subject.status.permitted.linear.x == 0.0, "zero")
-
-
 async def test_a_held_key_drives_and_its_release_stops(tmp_path: Path) -> None:
     async with wheel(tmp_path) as (subject, _, _, tab):
         await drives(subject, tab, lambda: key(tab, "KeyW", down=True))
@@ -110,7 +105,7 @@ async def test_a_driver_hands_over_to_the_person_who_asks_and_the_incident_names
         ben = await second.open(await server.new_address())
         await ben.waits_for("document.body?.dataset.picture === 'true'")
         await drives(subject, anna, lambda: key(anna, "KeyW", down=True))
-        await shows(ben, "drive-word", "Anna drives. Ask to drive")
+        await shows(ben, "drive-begin", "Anna drives. Ask to drive")
         await takes(ben, "Ben")
         await shows(ben, "drive-turn", "Wait for Anna, who loses control after")
         await shows(anna, "drive-turn", "Ben asks to drive:")
@@ -190,37 +185,29 @@ async def test_two_thumbs_drive_and_a_third_finger_stops(tmp_path: Path) -> None
         await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion again", 0.5)
 
 
-async def blurred(tab: Tab, _: Browser) -> None:
+async def blurred(_: Browser, tab: Tab) -> None:
     await tab.evaluate("dispatchEvent(new Event('blur'))")
 
 
-async def hidden(_: Tab, chromium: Browser) -> None:
+async def hidden(chromium: Browser, _: Tab) -> None:
     await chromium.open("about:blank")
 
 
-async def closed(tab: Tab, _: Browser) -> None:
-    await tab.close()
-
-
-async def killed(_: Tab, chromium: Browser) -> None:
-    chromium.kill()
-
-
-async def hangs(tab: Tab, _: Browser) -> None:
+async def hangs(_: Browser, tab: Tab) -> None:
     await tab.begin("while (true) {}")
 
 
-async def stopped(_: Tab, chromium: Browser) -> None:
+async def stopped(chromium: Browser, _: Tab) -> None:
     chromium.stop_part("--type=renderer")
 
 
 @pytest.mark.parametrize("lose", [blurred, hidden, closed, killed, hangs, stopped])
 async def test_a_robot_that_drives_stops_when_the_page_loses_its_driver(
-    tmp_path: Path, lose: Callable[[Tab, Browser], Awaitable[None]]
+    tmp_path: Path, lose: Callable[[Browser, Tab], Awaitable[None]]
 ) -> None:
     async with wheel(tmp_path) as (subject, _, chromium, tab):
         await drives(subject, tab, lambda: key(tab, "KeyW", down=True))
-        await lose(tab, chromium)
+        await lose(chromium, tab)
         await stands(subject)
         await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion again", 1.0)
 

@@ -46,18 +46,8 @@ class Opened(Server):
     def __init__(self, state: Path, authority: Path, *options: str) -> None:
         self._trusting = ssl.create_default_context(cafile=authority)
         self.origin = f"https://{HERE}:8470"
-        up = (
-            LIFELINE,
-            "up",
-            "--station",
-            "--open",
-            "--yes",
-            "--drive",
-            "--no-viewer",
-            "--state-dir",
-            str(state),
-        )
-        Operator.__init__(self, "unshare", "--net", "sh", "-c", NETWORK + shlex.join([*up, *options]))
+        up = f"{LIFELINE} up --station --open --yes --drive --no-viewer --state-dir {state} "
+        Operator.__init__(self, "unshare", "--net", "sh", "-c", NETWORK + up + shlex.join(options))
 
     def socket(self, origin: str | None = "", host: str = HERE, path: str = "lease") -> connect:
         """Open one of the page's websockets from that network, at its address."""

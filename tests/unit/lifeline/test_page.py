@@ -25,9 +25,9 @@ def test_a_page_drives_as_the_source_of_teleop_which_the_supervisor_must_know(tm
 
 def test_without_the_robots_configuration_nothing_is_shown_and_nothing_drives(tmp_path: Path) -> None:
     robot = launch(tmp_path, "")
-    assert painter_of(robot) is not None
+    assert painter_of(robot, "") is not None
     unknown = Launch(robot.config, robot.bus, nodes=("supervisor", ANY_BASE))
-    assert painter_of(unknown) is None
+    assert painter_of(unknown, "") is None
     with pytest.raises(DeployError, match="name it with --config"):
         wheel_of(unknown)
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from station.driving import IDLE_S, MAX_PICTURES, STALE_S, Commands, Driving, Person, Pictures
-from station.messages import BadMessageError, HandOver, Wanted, read_wanted
+from station.messages import BadMessageError, Wanted
 
 ZERO = (0.0, 0.0)
 HANDED_OVER = "You handed over to Ben. Press Drive to drive again."
@@ -313,34 +313,3 @@ async def test_pages_that_come_at_the_same_time_do_not_share_the_wheel() -> None
     people = [driving.enter(name, name) for name in ("Anna", "Ben", "Cleo")]
     await asyncio.gather(*(driving.take(person, 100.0) for person in reversed(people)))
     assert driving.driver == "Anna"
-
-
-@given(st.text(max_size=80))
-def test_any_text_is_a_command_or_no_message(text: str) -> None:
-    try:
-        wanted = read_wanted(text)
-    except BadMessageError:
-        return
-    assert not isinstance(wanted, Wanted) or abs(wanted.linear) <= 1.0
-
-
-def test_a_request_is_no_command() -> None:
-    assert read_wanted('{"request": "reset"}') == "reset"
-    assert read_wanted('{"hand_over": "Ben"}') == HandOver("Ben")
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        '{"request": "drive"}',
-        '{"request": "hand_over"}',
-        '{"request": 1}',
-        '{"request": "reset", "linear": 0}',
-        '{"reset": true}',
-        '{"hand_over": 1}',
-        '{"hand_over": "Ben", "request": "reset"}',
-    ],
-)
-def test_there_are_no_other_requests(text: str) -> None:
-    with pytest.raises(BadMessageError):
-        read_wanted(text)

@@ -1,6 +1,7 @@
 """The messages of the page, and what it is shown."""
 
 import json
+import math
 
 import pytest
 from hypothesis import given
@@ -13,6 +14,7 @@ from station.messages import (
     MAX_SECRET,
     MAX_TIME_S,
     BadMessageError,
+    HandOver,
     Wanted,
     is_latched,
     lease,
@@ -23,6 +25,8 @@ from station.messages import (
     view,
 )
 from wire.messages import EstopLease, EstopStationStatus, SafetyStatus, header
+
+READERS = (read_hello, read_lease, read_drawn, read_wanted)
 
 
 def status(*reasons: str, station: str = "door", required: bool = True) -> SafetyStatus:
@@ -72,7 +76,7 @@ GARBAGE = [
 
 @pytest.mark.parametrize("text", GARBAGE)
 def test_garbage_is_no_message(text: str) -> None:
-    for read in (read_hello, read_lease):
+    for read in READERS:
         with pytest.raises(BadMessageError):
             read(text)
 
@@ -81,7 +85,7 @@ def test_garbage_is_no_message(text: str) -> None:
     st.text() | st.recursive(st.none() | st.booleans() | st.integers() | st.text(), st.lists).map(json.dumps)
 )
 def test_no_text_causes_another_error(text: str) -> None:
-    for read in (read_hello, read_lease):
+    for read in READERS:
         try:
             read(text)
         except BadMessageError:
@@ -139,10 +143,18 @@ def test_a_command_has_two_shares_the_time_of_the_page_and_the_number_of_a_pictu
     assert read_wanted(command(linear=1, angular=1, time_s=0)) == Wanted(1.0, 1.0, 0.0, 3)
 
 
+def test_a_driver_requests_a_reset_or_names_the_person_who_drives_next() -> None:
+    assert read_wanted('{"request": "reset"}') == "reset"
+    assert read_wanted('{"hand_over": "Ben"}') == HandOver("Ben")
+
+
 @pytest.mark.parametrize(
     "text",
     [
         command(linear=1.001),
+        command(linear=math.nan),
+        command(linear=True),
+        command(linear="1"),
         command(angular=-1.001),
         command(time_s=MAX_TIME_S),
         command(time_s=True),
@@ -150,10 +162,17 @@ def test_a_command_has_two_shares_the_time_of_the_page_and_the_number_of_a_pictu
         command(picture=None),
         command(more=1),
         '{"linear": 1e999, "angular": 0, "time_s": 1, "picture": 1}',
-        '{"reset": true, "more": 1}',
+        '{"linear": 0.1, "angular": 0, "time_s": 1}',
+        '{"request": "drive"}',
+        '{"request": "hand_over"}',
+        '{"request": 1}',
+        '{"request": "reset", "linear": 0}',
+        '{"reset": true}',
+        '{"hand_over": 1}',
+        '{"hand_over": "Ben", "request": "reset"}',
     ],
 )
-def test_what_is_no_command_is_refused(text: str) -> None:
+def test_what_is_no_command_and_no_request_is_refused(text: str) -> None:
     with pytest.raises(BadMessageError):
         read_wanted(text)
 

@@ -1,12 +1,10 @@
 """The hands at a page that drives, in JavaScript with a simple copy of a browser: what each event sends to the server."""
 
-import json
-import subprocess
 from typing import Any
 
 import pytest
 
-from tests.unit.station.test_page_lease import NODE, PAGE
+from tests.unit.station.test_page_lease import in_node
 
 PROGRAM = """
 import { readFileSync } from "node:fs";
@@ -81,6 +79,7 @@ console.log(JSON.stringify([sent, { ...texts, sockets: sockets.map((one) => one.
 Step = list[Any]
 TURN: Step = ["turn", True, "", ""]
 BEGUN: list[Step] = [["begin"], TURN, ["frame", 50]]
+ASKS: list[Step] = [["begin"], ["turn", False, "", "Wait for Anna."]]
 PULLED: list[Step] = [
     ["on", "stick", "pointerdown", {"clientX": 100, "clientY": 100}],
     ["window", "pointermove", {"clientX": 100, "clientY": 0}],
@@ -91,12 +90,7 @@ W: Step = ["window", "keydown", {"code": "KeyW"}]
 
 def run(*steps: Step) -> tuple[list[dict[str, Any]], dict[str, str], int]:
     """Return what was sent, the texts of the page's elements, and the number of the newest picture that counts as drawn."""
-    node = [str(NODE), "--input-type=module", "--eval", PROGRAM]
-    done = subprocess.run(
-        node, cwd=PAGE, input=json.dumps(steps), capture_output=True, text=True, check=False, timeout=60
-    )
-    assert done.returncode == 0, done.stderr
-    return tuple(json.loads(done.stdout))
+    return tuple(in_node(PROGRAM, steps))
 
 
 def newest(*steps: Step) -> float:
@@ -155,15 +149,16 @@ def test_a_third_finger_anywhere_lets_go_of_everything(place: str) -> None:
     assert newest(*thumbs, touch(place, 3), ["frame", 50]) == 0
 
 
-def test_a_gamepad_without_the_standard_mapping_does_not_drive() -> None:
-    def pad(mapping: str, *, held: bool) -> Step:
-        buttons = [{"pressed": held and number == 4} for number in range(5)]
-        return ["pads", [None, {"connected": True, "mapping": mapping, "buttons": buttons, "axes": [0, -1]}]]
+def pad(*, held: bool, mapping: str = "standard") -> list[Step]:
+    """A gamepad that is pulled ahead, and a frame in which it is read."""
+    buttons = [{"pressed": held and number == 4} for number in range(5)]
+    one = {"connected": True, "mapping": mapping, "buttons": buttons, "axes": [0, -1]}
+    return [["pads", [None, one]], ["frame", 250]]
 
-    for mapping, share in (("standard", 1), ("", 0)):
-        assert (
-            newest(pad(mapping, held=False), ["frame", 50], pad(mapping, held=True), ["frame", 50]) == share
-        )
+
+@pytest.mark.parametrize(("mapping", "share"), [("standard", 1), ("", 0)])
+def test_a_gamepad_without_the_standard_mapping_does_not_drive(mapping: str, share: float) -> None:
+    assert newest(*pad(held=False, mapping=mapping), *pad(held=True, mapping=mapping)) == share
 
 
 def test_a_refusal_lets_go_and_is_shown_until_something_is_held_again() -> None:
@@ -181,14 +176,7 @@ def test_a_page_that_may_not_drive_shows_why_beside_its_button() -> None:
 
 
 def test_a_page_that_asks_sends_zero_whatever_is_held_until_it_drives() -> None:
-    asks: list[Step] = [
-        ["begin"],
-        ["turn", False, "", "Wait for Anna."],
-        ["frame", 50],
-        W,
-        ["frame", 250],
-    ]
-    sent, texts, _ = run(*asks)
+    sent, texts, _ = run(*ASKS, ["frame", 50], W, ["frame", 250])
     assert len(sent) > 2
     assert {(one["linear"], one["angular"]) for one in sent} == {(0, 0)}
     assert texts["drive-turn"] == "Wait for Anna."
@@ -196,7 +184,7 @@ def test_a_page_that_asks_sends_zero_whatever_is_held_until_it_drives() -> None:
 
 @pytest.mark.parametrize("hold", [[W], PULLED, [touch("enable", 1), touch("stick", 2)]])
 def test_what_is_held_when_a_page_gets_the_wheel_must_be_pressed_again(hold: list[Step]) -> None:
-    waits: list[Step] = [["begin"], ["turn", False, "", "Wait for Anna."], *hold, ["frame", 250]]
+    waits: list[Step] = [*ASKS, *hold, ["frame", 250]]
     assert newest(*hold, ["frame", 50]) == 1
     sent, texts, _ = run(*waits, TURN, ["frame", 250], ["frame", 250])
     assert {(one["linear"], one["angular"]) for one in sent} == {(0, 0)}
@@ -205,21 +193,7 @@ def test_what_is_held_when_a_page_gets_the_wheel_must_be_pressed_again(hold: lis
 
 
 def test_a_gamepad_that_is_held_when_a_page_gets_the_wheel_must_be_released() -> None:
-    def pad(*, held: bool) -> list[Step]:
-        buttons = [{"pressed": held and number == 4} for number in range(5)]
-        return [
-            ["pads", [{"connected": True, "mapping": "standard", "buttons": buttons, "axes": [0, -1]}]],
-            ["frame", 250],
-        ]
-
-    taken: list[Step] = [
-        ["begin"],
-        ["turn", False, "", "Wait for Anna."],
-        *pad(held=False),
-        *pad(held=True),
-        TURN,
-        *pad(held=True),
-    ]
+    taken = [*ASKS, *pad(held=False), *pad(held=True), TURN, *pad(held=True)]
     assert {one["linear"] for one in run(*taken)[0]} == {0}
     assert run(*taken, *pad(held=False), *pad(held=True))[0][-1]["linear"] == 1
 
@@ -233,8 +207,8 @@ def test_a_hand_over_names_the_person_who_is_shown_and_sends_a_zero_before_it_in
 
 
 def test_the_button_names_who_drives() -> None:
-    assert run(["begin"], ["driver", "Anna"])[1]["drive-word"] == "Anna drives. Ask to drive"
-    assert run(["begin"], ["driver", ""])[1]["drive-word"] == "Drive"
+    assert run(["begin"], ["driver", "Anna"])[1]["drive-begin"] == "Anna drives. Ask to drive"
+    assert run(["begin"], ["driver", ""])[1]["drive-begin"] == "Drive"
 
 
 def picture(number: int, **more: str) -> Step:

@@ -42,6 +42,16 @@ console.log(JSON.stringify([leases.LEASE_S, leases.PRESENCE_PERIOD_S, sequences.
 Event = tuple[str, float, str, str, bool]
 
 
+def in_node(program: str, value: object) -> Any:  # noqa: ANN401 - any JSON value
+    """Run a program in the folder of the page with a value on standard input; return the value that it prints."""
+    node = [str(NODE), "--input-type=module", "--eval", program]
+    done = subprocess.run(
+        node, cwd=PAGE, input=json.dumps(value), capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
 def events(chance: random.Random) -> list[Event]:
     """A random life of a page: the supervisor answers some of its last challenges, and the page stops at times."""
     now_s, numbers, made = 0.0, ["0"], list[Event]()
@@ -87,15 +97,7 @@ def expected(life: list[Event]) -> list[list[Any]]:
 def test_the_page_s_lease_is_that_of_the_terminal_station() -> None:
     chance = random.Random(1)
     lives = [events(chance) for _ in range(SEQUENCES)]
-    ran = subprocess.run(
-        [NODE, "--input-type=module", "--eval", PROGRAM],
-        input=json.dumps(lives),
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=PAGE,
-    )
-    lease_s, period_s, seen = json.loads(ran.stdout)
+    lease_s, period_s, seen = in_node(PROGRAM, lives)
     assert (lease_s, period_s) == (LEASE_S, PRESENCE_PERIOD_S)
     wanted = [expected(life) for life in lives]
     for life, mine, theirs in zip(lives, seen, wanted, strict=True):

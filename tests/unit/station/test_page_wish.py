@@ -1,14 +1,12 @@
 """What the hands at a page want, in JavaScript: zero unless exactly one thing is held, for any sequence of events."""
 
-import json
 import math
 import random
-import subprocess
 from typing import Any
 
 import pytest
 
-from tests.unit.station.test_page_lease import NODE, PAGE
+from tests.unit.station.test_page_lease import in_node
 
 PROGRAM = """
 import { readFileSync } from "node:fs";
@@ -33,11 +31,7 @@ Event = list[Any]
 
 def run(*lives: tuple[list[Event], float]) -> list[list[tuple[dict[str, Any], list[float]]]]:
     """Return the state and the wanted shares after each event of each life."""
-    node = [str(NODE), "--input-type=module", "--eval", PROGRAM]
-    done = subprocess.run(
-        node, cwd=PAGE, input=json.dumps(lives), capture_output=True, text=True, check=True, timeout=60
-    )
-    return json.loads(done.stdout)
+    return in_node(PROGRAM, lives)
 
 
 def wanted(*events: Event, level: float = 5) -> list[float]:
