@@ -177,7 +177,7 @@ def times(cases: Iterable[Case]) -> Sheet:
         ("largest", lambda one: _ms(one.times_ms, 100)),
         ("95/95", lambda one: _limit(one.times_ms)),
         ("reference p50", lambda one: _ms(one.reference_ms, 50)),
-        ("p99", lambda one: _ms(one.reference_ms, 99)),
+        ("reference p99", lambda one: _ms(one.reference_ms, 99)),
         ("repeated", lambda one: _counts(one.repeated)),
     ]
     return Sheet.of(
