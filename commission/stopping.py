@@ -56,7 +56,7 @@ def stop_of(
         rest_s: when the robot had been at rest for `REST_S`.
         odometry: (n, 3) arrival [s], way toward the wall by the poses [m], speed toward it by the velocities [m/s].
         walls: (m, 2) arrival [s], distance [m].
-        is_seen: whether odometry was to arrive between `stopped_s` and the standstill: a gap is then late odometry.
+        is_seen: whether odometry is expected between `stopped_s` and the standstill: a gap there then means late odometry.
         scale: true distance divided by distance of odometry.
         latency_s: latency of the scans.
     """

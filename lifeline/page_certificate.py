@@ -77,7 +77,7 @@ def hosts_of(launch: Launch, page: Page) -> tuple[tuple[str, ...], Bundle | None
     issue = _how_to_issue(launch, page)
     if launch.bus.keys is None:
         raise DeployError(
-            f"--open needs TLS: make a certificate with {issue}, and name its bundle with --keys"
+            f"--open needs TLS: issue a certificate with {issue}, and name its bundle with --keys"
         )
     roles = PAGE_ROLES if page.drives else PAGE_ROLES[:1]
     bundles = _bundles(launch.bus.keys, roles, issue)
@@ -102,9 +102,9 @@ def _unfit(bundle: Bundle, roles: Collection[Role], issue: str) -> DeployError:
         )
     if bundle.role in PAGE_ROLES:
         return DeployError(
-            f"{who} has the role {bundle.role}, which serves a page only with --drive: add --drive, or use one of {issue}"
+            f"{who} has the role {bundle.role}, which serves a page only with --drive: add --drive, or issue one with {issue}"
         )
-    return DeployError(f"{who} has the role {bundle.role}, which serves no page: use one of {issue}")
+    return DeployError(f"{who} has the role {bundle.role}, which serves no page: issue one with {issue}")
 
 
 def _bundles(keys: Path, roles: Sequence[Role], issue: str) -> list[Bundle]:
@@ -119,7 +119,7 @@ def _bundles(keys: Path, roles: Sequence[Role], issue: str) -> list[Bundle]:
         try:
             bundles.append(choose_bundle(keys, time.time(), part=role))
         except BundleError as error:
-            # A page needs more than the role: the address, and the robot.
+            # The command for a page also names the address and the robot.
             refused.append(str(error).replace(f"`lifeline keys issue NAME --role {role}`", issue))
     if not bundles:
         raise DeployError(refused[0])

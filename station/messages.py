@@ -175,7 +175,7 @@ def view(station: str, endpoint: str, status: SafetyStatus | None, driver: str, 
     if status is None:
         problem = f"Waiting for the supervisor at {printable(endpoint)}: start it if it does not run."
     elif has_rival:
-        problem = "Another page or program is this station: close it. A press here stops the robot, too."
+        problem = "Another page or program is this station until it ends. A press here stops the robot, too."
     elif own is None:
         problem = f"The supervisor has no station {station}: add it to [[supervisor.estop_stations]]."
     else:

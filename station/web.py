@@ -42,7 +42,7 @@ COMMAND_LIMIT_S = 0.5
 PICTURE_PERIOD_S = 0.05
 """Least time between two pictures."""
 DRAW_LIMIT_S = 3.0
-"""A page that has not drawn a picture after this time has ended."""
+"""A page that draws no picture for longer loses its connection for pictures."""
 MAX_REASON = 120
 """Bytes of the reason for which a websocket is closed."""
 
@@ -58,14 +58,14 @@ class ClosingError(Exception):
 # These are no errors: one that is raised again keeps the frames of each raise, and with them what each page had in memory.
 NOT_PAIRED = 4401, "Not paired: open the address with a new code, which the terminal shows."
 BAD_MESSAGE = 4400, "The page's messages were refused: open the address with a new code."
-SILENT = 4408, "The page was silent: keep it visible, and press Drive again."
+SILENT = 4408, "The page was silent: keep it visible. If it drove, press Drive again."
 REPLACED = 4409, "The page has a newer connection: use that one."
 NO_DRIVING = 4405, "This station does not drive: start it with --drive."
 NO_NAME = 4403, "Enter your name first."
 HAS_PLACE = 4411, "This page drives or asks already: press Drive again in a second."
 NO_PICTURE = 4404, "This station shows no pictures: start it with the robot's --config."
 TOO_MANY_PAGES = 4429, "Too many pages of this station are open: close one."
-ANOTHER_ASKS = "The person who was shown does not ask any more: look who asks now."
+ANOTHER_ASKS = "That person no longer asks to drive: look who asks now."
 
 
 class Painter(Protocol):

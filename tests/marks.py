@@ -2,7 +2,7 @@
 
 import pytest
 
-SMOKE = "smoke: what breaks first in one theme; `make test` runs only these, `make system` all that need no idle machine"
+SMOKE = "smoke: the tests of a theme that a mistake breaks first; `make test` runs only these, `make system` all that need no idle machine"
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -88,7 +88,7 @@ def check_may_stop(config: BusConfig, issue: str = "") -> None:
         DeployError: the role may not stop, or the bundle is refused.
     """
     issue = issue or f"`lifeline keys issue NAME --role estop --robot {config.namespace}`"
-    _check_role(config, STOPPERS, f"stop: use one of {issue}")
+    _check_role(config, STOPPERS, f"stop: issue one with {issue}")
 
 
 def check_may_drive(config: BusConfig, issue: str) -> None:
@@ -97,7 +97,7 @@ def check_may_drive(config: BusConfig, issue: str) -> None:
     Raises:
         DeployError: the role may not drive, or the bundle is refused.
     """
-    _check_role(config, (Role.OPERATOR,), f"drive: use one of {issue}")
+    _check_role(config, (Role.OPERATOR,), f"drive: issue one with {issue}")
 
 
 def _check_role(config: BusConfig, roles: Collection[Role], what: str) -> None:

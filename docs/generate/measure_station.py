@@ -45,7 +45,7 @@ REFERENCE, REFERENCE_M_S = "joy", 0.1
 ARMING_S, COMMAND_S = 0.3, 0.05
 """How long the reference sends zero before it counts, longer than the supervisor's command timeout; period of its commands."""
 HOLD_S = (0.05, 0.1)
-"""How long a key moves the robot before an event: by chance, so that the event is at any time between two decisions."""
+"""How long a key moves the robot before an event: at random, so that the event is at any time between two decisions."""
 MOST_REPEATS = 30
 """Of one event."""
 SLOW = (AssertionError, TimeoutError, ConnectionClosed, pytest.fail.Exception)
@@ -317,7 +317,7 @@ async def events(folder: Path, name: str, wanted: int, origin: Origin) -> list[M
 
 
 class Watcher:
-    """A page without a browser: it answers the challenges, and draws the pictures."""
+    """A page without a browser: it reports each picture as drawn after the time of one frame."""
 
     def __init__(self) -> None:
         self.pictures = 0
@@ -449,7 +449,7 @@ def main() -> None:
     line.option("runs", count, RUNS, "runs of each event")
     line.option("gaps", positive, GAPS_S, "duration of each phase without or beside stations [s]")
     line.option("drive", positive, DRIVE_S, "duration of the drive [s]")
-    line.option("only", _part, None, f"measure only these, also again: {', '.join(PARTS)}", many=True)
+    line.option("only", _part, None, f"measure only these, even if they are stored: {', '.join(PARTS)}", many=True)
     line.file("json", f"store the results in FILE (default: docs/campaign/{station.STORED.name})")
     options = line.parse()
     command, now = line.repeat(options), commit()

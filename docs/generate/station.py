@@ -99,7 +99,7 @@ class Drive:
 
     @property
     def false_stops(self) -> int:
-        """Number of stops without a cause in the world; a refusal counts too, also beside a stop of the supervisor."""
+        """Number of stops that the surroundings did not require; a refusal counts too, even beside a stop by the supervisor."""
         return sum(self.refusals.values()) + sum(
             number for why, number in self.stops.items() if not is_asked(why)
         )
@@ -122,7 +122,7 @@ def _commit_of(text: str) -> str:
 
 
 def is_asked(why: str) -> bool:
-    """Return whether the world asks for a stop with these reasons, which are separated by commas."""
+    """Return whether the surroundings require a stop with these reasons, which are separated by commas."""
     return bool(why) and set(why.split(", ")) <= WORLD
 
 
@@ -179,22 +179,24 @@ def times(cases: Iterable[Case]) -> Sheet:
         ("largest", lambda one: _ms(one.times_ms, 100)),
         ("95/95", lambda one: _limit(one.times_ms)),
         ("reference p50", lambda one: _ms(one.reference_ms, 50)),
-        ("p99", lambda one: _ms(one.reference_ms, 99)),
+        ("reference p99", lambda one: _ms(one.reference_ms, 99)),
         ("plain websocket p50", lambda one: _ms(one.browser_ms, 50) if one.browser_ms else "–"),
-        ("p99", lambda one: _ms(one.browser_ms, 99) if one.browser_ms else "–"),
+        ("plain websocket p99", lambda one: _ms(one.browser_ms, 99) if one.browser_ms else "–"),
         ("repeated", lambda one: _counts(one.repeated)),
     ]
     return Sheet.of(
         "From the page to cmd_vel [ms]",
         columns,
         cases,
-        "From the event to the first zero on cmd_vel; of a key that is pressed, to the first motion. The time begins before the event is sent "
+        "From the event to the first zero on cmd_vel; for a key that is pressed, to the first motion. The time begins before the event is sent "
         "to the browser, or before the signal.",
+        "Before each other event, a key moves the robot. The zero has the cause that takes effect first: the end of the page's commands, the loss of "
+        "the station, or its press.",
         "95/95: upper 95 % confidence limit of the 95 % quantile; – with fewer than 59 runs.",
-        "reference: from the put of the same change, motion or zero, by a source without a page, beside each run.",
+        "reference: from the put of the same change, motion or zero, by a source without a page, before each run.",
         "plain websocket: from the event to its first sign at a websocket of the same page that has no other use: a message on `pagehide`, or its end. "
         "The browser and its operating system take this time; no page can be faster.",
-        "repeated: runs that were repeated, because the machine delayed the supervisor (OVERRUN), or because the robot did not drive before the event.",
+        "repeated: runs that did not count and were repeated, and why: OVERRUN is a delay of the supervisor by the machine.",
         "Debian's Chromium without a window, on the robot's computer; the robot is simulated. The page loses the focus by a `blur` event that is dispatched "
         "in it.",
     )
@@ -236,8 +238,8 @@ def gaps(found: Gaps) -> Sheet:
         "Gaps of cmd_vel beside stations [ms]",
         columns,
         found.phases,
-        f"{found.seconds:g} s each, in this order. Each station is a `lifeline station` of its own, with one page that answers its challenges and draws its "
-        "pictures. The pages are connections without a browser; robot, stations and pages share the machine.",
+        f"{found.seconds:g} s each, in this order, while the robot stands. Each station is a separate `lifeline station` with one client in the place of a "
+        "browser, which answers the challenges, and reports each picture as drawn after 1/60 s. Robot, stations and clients share the machine.",
     )
 
 
@@ -245,13 +247,13 @@ def drive(found: Drive) -> Sheet:
     """Return one row."""
     columns: list[Column[Drive]] = [
         ("hours", lambda one: f"{one.seconds / HOUR_S:.2f}"),
-        ("way [m]", lambda one: f"{one.driven_m:.0f}"),
+        ("distance [m]", lambda one: f"{one.driven_m:.0f}"),
         ("keys pressed", lambda one: f"{one.presses}"),
         ("stops", lambda one: _counts(one.stops)),
         ("refusals of the page", lambda one: _counts(one.refusals)),
         ("false stops", lambda one: f"{one.false_stops}"),
         (
-            "an hour, at most",
+            "false stops an hour, at most",
             lambda one: f"{upper_rate(one.false_stops, one.seconds / HOUR_S):.1f}",
         ),
     ]
@@ -259,10 +261,10 @@ def drive(found: Drive) -> Sheet:
         "Driving by keys in the page",
         columns,
         [found],
-        "A script holds the keys as a person does: it turns, drives along the main aisle of the warehouse, backs, and pauses.",
-        "stops: of the supervisor. OBSTACLE and SCAN_BLIND are asked for by the world; every other stop is false, as is each refusal: a picture that "
-        "is too old, or the end of driving.",
-        "an hour, at most: 95 % upper bound of the rate of false stops.",
+        "A script holds the keys: it turns, drives along the main aisle of the warehouse, reverses and pauses.",
+        "stops: by the supervisor. The surroundings require OBSTACLE and SCAN_BLIND; every other stop is false. Each refusal counts as a false stop, "
+        "too: a refused command, or the end of driving.",
+        "at most: 95 % upper bound of the rate.",
     )
 
 

@@ -91,8 +91,8 @@ def keys_issue(
         option(
             "--host",
             "HOST",
-            "With --role supervisor, router, or estop and operator for `lifeline station --open`: host name or address by which others "
-            "reach it, in addition to localhost, 127.0.0.1 and ::1; repeat for several. Default: as before.",
+            "Host name or address by which others reach a supervisor, a router, or a page of `lifeline station --open` (role estop; operator "
+            "with --drive), in addition to localhost, 127.0.0.1 and ::1; repeat for several. Default: as before.",
         ),
     ] = None,
     days: Annotated[float, option("--days", "N", "Lifetime in days.", min=0.01, max=366.0)] = 30.0,

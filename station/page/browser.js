@@ -1,9 +1,9 @@
-// What all parts of the page use of the browser.
+// What the other scripts share.
 
 export const element = (id) => document.getElementById(id);
 export const now_s = () => performance.now() / 1000;
 
-// A screen reader speaks each change.
+// A screen reader would also speak an equal text.
 export function write(id, text) {
   if (element(id).textContent !== text) element(id).textContent = text;
 }

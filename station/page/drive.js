@@ -58,7 +58,7 @@ function begin() {
 }
 
 function onTurn(turn) {
-  // What was held while the page asked was not meant to move the robot now; the server has got the zeros of the question.
+  // What was held while the page asked was not meant to move the robot now; while it asks, it sends zero.
   if (turn.drives && !isTaken) letGo("You drive now: let go, and press again.");
   ({ drives: isTaken, asker } = turn);
   element("hand-over").hidden = asker === "";

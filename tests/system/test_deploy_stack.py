@@ -192,7 +192,7 @@ def test_the_page_of_a_station_runs_beside_the_nodes_and_ends_with_them(robot: R
 def test_a_station_beside_the_nodes_opens_to_the_network_only_as_the_command_station_does(
     robot: Robot,
 ) -> None:
-    _refused(robot.run("up", "--detach", "--station", "--open"), "--open needs TLS: make a certificate with")
+    _refused(robot.run("up", "--detach", "--station", "--open"), "--open needs TLS: issue a certificate with")
     assert robot.pids() == {}
 
 

@@ -228,7 +228,7 @@ def test_an_estop_with_a_certificate_that_may_not_stop_says_so(
     vera = ours.bundle("vera", Role.VIEWER)
     done = lifeline("estop", "--endpoint", secure_endpoint("tls"), "--keys", vera, *options)
     assert done.returncode == 2
-    assert "the certificate of vera has the role viewer, which may not stop: use one of " in done.stderr
+    assert "the certificate of vera has the role viewer, which may not stop: issue one with " in done.stderr
     assert ("lifeline: NOT stopped: " in done.stderr) is not bool(options)
     assert len(done.stderr.splitlines()) == 1
 

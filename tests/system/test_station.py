@@ -317,7 +317,7 @@ TO_DRIVE = "`lifeline keys issue phone-driver --role operator --host 10.77.0.1`"
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ("", f"--open needs TLS: make a certificate with {TO_STOP}, and name its bundle with --keys"),
+        ("", f"--open needs TLS: issue a certificate with {TO_STOP}, and name its bundle with --keys"),
         (
             "--keys {keys}/page",
             (
@@ -327,16 +327,16 @@ TO_DRIVE = "`lifeline keys issue phone-driver --role operator --host 10.77.0.1`"
         ),
         (
             "--keys {keys}/viewer",
-            f"the certificate of viewer has the role viewer, which serves no page: use one of {TO_STOP}",
+            f"the certificate of viewer has the role viewer, which serves no page: issue one with {TO_STOP}",
         ),
         (
             "--keys {keys}/driver",
-            "the certificate of driver has the role operator, which serves a page only with --drive: add --drive, or use one of "
+            "the certificate of driver has the role operator, which serves a page only with --drive: add --drive, or issue one with "
             + TO_STOP,
         ),
         (
             "--drive --keys {keys}/page --endpoint quic/127.0.0.1:7447",
-            f"the certificate of page has the role estop, which may not drive: use one of {TO_DRIVE}",
+            f"the certificate of page has the role estop, which may not drive: issue one with {TO_DRIVE}",
         ),
         (
             "--drive --keys {keys} --endpoint quic/127.0.0.1:7447",
