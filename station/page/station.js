@@ -154,6 +154,8 @@ function hold(event) {
     change(leases.released(lease));
   }, RELEASE_S * 1000);
 }
+// Without this, a finger that lifts would click what is below the hidden button: the e-stop.
+release.addEventListener("touchend", (event) => event.preventDefault());
 for (const type of ["pointerdown", "keydown", "pointerup", "pointerleave", "pointercancel", "keyup", "blur"]) {
   release.addEventListener(type, hold);
 }

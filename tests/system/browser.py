@@ -84,6 +84,11 @@ class Tab:
     async def mouse(self, kind: str, x: float, y: float) -> None:
         await self.do("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
+    async def touch(self, kind: str, *places: tuple[float, float]) -> None:
+        """Touch with as many fingers as there are places [CSS pixels]; `touchEnd` has none."""
+        points = [{"x": x, "y": y, "id": number} for number, (x, y) in enumerate(places)]
+        await self.do("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+
     async def press_key(self, key: str) -> None:
         await self.do("Input.dispatchKeyEvent", type="keyDown", key=key)
         await self.do("Input.dispatchKeyEvent", type="keyUp", key=key)

@@ -64,6 +64,20 @@ async def test_a_touch_stops_and_holding_the_release_permits_the_reset(tmp_path:
         await tab.shows("STOPPED", "The robot is stopped: the emergency stop is latched")
 
 
+async def test_the_finger_that_has_held_the_release_presses_nothing_when_it_lifts(tmp_path: Path) -> None:
+    """The release is hidden below the finger, which then lifts from the e-stop."""
+    async with phone(tmp_path) as (subject, _, _, tab):
+        await tab.do("Emulation.setTouchEmulationEnabled", enabled=True)
+        await tab.touch("touchStart", (200, 300))
+        await tab.touch("touchEnd")
+        await tab.shows("STOPPED", "Stopped from here")
+        await tab.touch("touchStart", await tab.middle_of("#release"))
+        await tab.waits_for("document.body.dataset.pressed === 'false'")
+        await heard(subject, "phone")
+        await tab.touch("touchEnd")
+        await subject.never(lambda: "pressed" in state(subject, "phone"), "pressed again", 1.0)
+
+
 async def test_a_second_touch_ends_the_release_that_another_finger_holds(tmp_path: Path) -> None:
     async with phone(tmp_path) as (subject, _, _, tab):
         await tab.click(200, 300)

@@ -159,12 +159,6 @@ async def test_the_controls_stay_on_a_phones_screen_with_the_longest_refusal(tmp
                 ), (place, width)
 
 
-async def touches(tab: Tab, kind: str, *places: tuple[float, float]) -> None:
-    """Touch with as many fingers as there are places [CSS pixels]."""
-    points = [{"x": x, "y": y, "id": number} for number, (x, y) in enumerate(places)]
-    await tab.do("Input.dispatchTouchEvent", type=kind, touchPoints=points)
-
-
 async def test_two_thumbs_drive_and_a_third_finger_stops(tmp_path: Path) -> None:
     async with wheel(tmp_path) as (subject, _, _, tab):
         await tab.do("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=5)
@@ -172,15 +166,15 @@ async def test_two_thumbs_drive_and_a_third_finger_stops(tmp_path: Path) -> None
 
         async def hold() -> None:
             with suppress(AssertionError):  # nothing touches
-                await touches(tab, "touchEnd")
+                await tab.touch("touchEnd")
             enable, (x, y) = await tab.middle_of("#enable"), await tab.middle_of("#stick")
-            await touches(tab, "touchStart", enable)
-            await touches(tab, "touchStart", enable, (x, y))
-            await touches(tab, "touchMove", enable, (x, y - 40))
+            await tab.touch("touchStart", enable)
+            await tab.touch("touchStart", enable, (x, y))
+            await tab.touch("touchMove", enable, (x, y - 40))
 
         await drives(subject, tab, hold)
         enable, (x, y) = await tab.middle_of("#enable"), await tab.middle_of("#stick")
-        await touches(tab, "touchStart", enable, (x, y - 40), await tab.middle_of("#speed"))
+        await tab.touch("touchStart", enable, (x, y - 40), await tab.middle_of("#speed"))
         await stands(subject)
         await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion again", 0.5)
 
