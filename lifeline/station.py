@@ -6,6 +6,7 @@ import secrets
 import signal
 import socket
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
@@ -113,11 +114,11 @@ async def _serve(
 
     pairing, relay, painter = Pairing(), Relay(name, launch.bus.endpoint), painter_of(launch, passport)
     driving = None if wheel is None else Driving(wheel)
-    application = Application(name, address, relay, pairing, report, painter, driving)
+    application = Application(name, address, relay, pairing, since_boot_s, report, painter, driving)
 
     def offer() -> None:
         code = "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
-        pairing.offer(code, loop.time())
+        pairing.offer(code, since_boot_s())
         printer.submit(print_code, address.url(code))
 
     def on_line() -> None:
@@ -153,6 +154,11 @@ async def _serve(
         if bus is not None:
             await bus.close()
     return 0
+
+
+def since_boot_s() -> float:
+    """Return a time [s] that goes on while the machine is suspended: a code must not outlive its minute."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 def print_code(url: str) -> None:

@@ -19,6 +19,7 @@ MAX_PICTURES = 64
 IDLE_S = 30.0
 """A driver who requests no motion for longer loses control. This is long enough to look around, to read a request and to touch
 the stick, and short enough to wait for a driver who has left the page open."""
+LEFT = "The driver handed over to a person who has left: press Drive again."
 
 
 class Wheel(Protocol):
@@ -34,6 +35,11 @@ class Wheel(Protocol):
 
     async def reset(self) -> str:
         """Reset a latched e-stop; return the answer as a sentence."""
+        ...
+
+    @property
+    def is_contested(self) -> bool:
+        """Whether another program drives as the same source since the link was lost."""
         ...
 
     def release(self) -> None:
@@ -136,6 +142,8 @@ class Driving:
         self._people: list[Person] = []
         """The first one drives, or is next; the others ask."""
         self._driver: Person | None = None
+        self._named: Person | None = None
+        """To whom the driver has handed over, until this person begins to drive."""
 
     @property
     def driver(self) -> str:
@@ -150,8 +158,12 @@ class Driving:
         """Return whether a person at this page drives, or asks to: each page has one place in the queue."""
         return any(person.page is page for person in self._people)
 
+    def has_name(self, name: str) -> bool:
+        """Return whether a person with this name, in capital or small letters, drives or asks to: a hand-over names one person."""
+        return any(person.name.casefold() == name.casefold() for person in self._people)
+
     def enter(self, name: str, page: object) -> Person:
-        """Let a person ask to drive whose page has no place yet; the caller ends this with `leave` in every case."""
+        """Let a person ask to drive whose page and name have no place yet; the caller ends this with `leave` in every case."""
         person = Person(name, page, Commands(self._wheel))
         if self._people:
             self.record(page, f"{name} asked to drive")
@@ -160,11 +172,11 @@ class Driving:
 
     async def take(self, person: Person, now_s: float) -> str:
         """Let a person drive who is next, if nobody drives; return why the wheel cannot be taken, or an empty text."""
-        if self._driver is not None or self._people[0] is not person:
+        if self._driver is not None or self._people[:1] != [person]:
             return ""
         self._driver, person.moved_s = person, now_s
         if not (problem := await self._wheel.take()):
-            person.ending = "ended driving"
+            person.ending, self._named = "ended driving", None
             self.record(person.page, f"{person.name} began to drive")
         return problem
 
@@ -180,7 +192,7 @@ class Driving:
     async def reset(self, person: Person) -> str:
         """Reset a latched e-stop for the driver; return the answer as a sentence."""
         if self._driver is not person:
-            return "Only the driver resets: ask to drive first."
+            return "Only the driver resets: wait until you drive."
         self.record(person.page, f"{person.name} requested a reset")
         return await self._wheel.reset()
 
@@ -188,16 +200,21 @@ class Driving:
         """Return in a sentence why a driver's turn ends now, and the caller must call `leave`; empty: the turn continues.
 
         Args:
-            person: the driver, or a person who asks, whose turn never ends.
+            person: the driver, or a person who asks, whose request ends only if the driver hands over to somebody who then leaves.
             now_s: the present time.
             hand_over_to: the name of the person to whom the driver hands over; only the one who is next drives. Empty: nobody.
         """
+        if person not in self._people:
+            return LEFT
         if self._driver is not person:
             return ""
         if now_s - person.moved_s > IDLE_S:
             person.ending = f"lost control after {IDLE_S:.0f} s without motion"
+        elif self._wheel.is_contested:
+            person.ending = "lost control to another program"
         elif hand_over_to and hand_over_to == self._asker:
             person.ending = f"handed over to {hand_over_to}"
+            self._named = self._people[1]
         else:
             return ""
         return f"You {person.ending}. Press Drive to drive again."
@@ -215,7 +232,12 @@ class Driving:
 
     def leave(self, person: Person) -> None:
         """End the turn or the request of a person; a driver's run ends at once."""
-        self._people.remove(person)
+        if person in self._people:
+            self._people.remove(person)
+        if self._named is person:
+            # The driver chose this person: nobody else gets the wheel by that, and who asks must ask again.
+            self._named = None
+            self._people.clear()
         if self._driver is person:
             self._driver = None
             self._wheel.release()

@@ -1,9 +1,9 @@
 """The messages between page and server: JSON texts with exactly these fields (pure).
 
-Each message of the server has a `kind`. The first message of a page is `{"code": ...}` or `{"token": ...}`; the server answers with
-a `welcome`: the station, the token with which the page may connect again, and whether it may drive. From then on, the page
+Each message of the server has a `kind`. The first message of a page is `{"code": ...}` or `{"token": ...}`, perhaps with its person's `name`; the
+server answers with a `welcome`: the station, the token with which the page may connect again, and whether it may drive. From then on, the page
 sends its side of the lease, `{"challenge", "response", "stop"}`, and receives the supervisor's side, and a `view` of what else it shows.
-It may also send the person's name, `{"name": ...}`.
+It may also send the person's name, `{"name": ...}`, and `{"press": true}` if it is touched again while it is pressed.
 On a second connection, it receives the `robot` and each `picture`, and answers each picture with `{"drawn": ...}`.
 On a third one, it asks to drive, drives with `{"linear", "angular", "time_s", "picture"}`, and requests `{"request": "reset"}` of the
 e-stop or `{"hand_over": name}`. It receives whose `turn` it is, and an `answer`: the sentence with which a command or a request is refused.
@@ -34,6 +34,15 @@ Fields = Mapping[str, object]
 """Of a message of the server, without its kind."""
 
 
+class Hello(NamedTuple):
+    """The first message of a page: a code or a token, the other one is empty."""
+
+    code: str
+    token: str
+    name: str | None
+    """Of the person; None: not given."""
+
+
 class Wanted(NamedTuple):
     """What the person at a page wants now."""
 
@@ -58,32 +67,38 @@ class BadMessageError(ValueError):
     """A text is not a message of the page."""
 
 
-def read_hello(text: str) -> tuple[str, str]:
-    """Return the code and the token in the first message of a page; one of both is empty.
+def read_hello(text: str) -> Hello:
+    """Return the first message of a page.
 
     Raises:
         BadMessageError: it is not one.
     """
-    match fields := _fields(text):
+    fields = dict(_fields(text))
+    name = _name(fields.pop("name")) if "name" in fields else None
+    match fields:
         case {"code": str(code)} if len(fields) == 1 and len(code) <= MAX_SECRET:
-            return code, ""
+            return Hello(code, "", name)
         case {"token": str(token)} if len(fields) == 1 and len(token) <= MAX_SECRET:
-            return "", token
+            return Hello("", token, name)
         case _:
             raise BadMessageError("not the first message of a page")
 
 
-def read_lease(text: str) -> EstopLease | str:
-    """Return the page's side of the lease, or the person's name. A page never says that it leaves: its end is always a loss.
+def read_lease(text: str) -> EstopLease | str | None:
+    """Return the page's side of the lease, the person's name, or None if the page was touched again while it is pressed.
+
+    A page never says that it leaves: its end is always a loss.
 
     Raises:
-        BadMessageError: it is not one.
+        BadMessageError: it is none of these.
     """
     match fields := _fields(text):
         case {"challenge": str(challenge), "response": str(response), "stop": bool(stop)} if len(fields) == 3:
             return EstopLease(_number(challenge), _number(response), stop=stop)
-        case {"name": str(name)} if len(fields) == 1 and len(name) <= MAX_NAME:
-            return printable(BLANK.sub("", name).strip())
+        case {"name": name} if len(fields) == 1:
+            return _name(name)
+        case {"press": True} if len(fields) == 1:
+            return None
         case _:
             raise BadMessageError("not a lease")
 
@@ -133,6 +148,17 @@ def _fields(text: str) -> Fields:
     return cast("Fields", document) if isinstance(document, dict) else {}
 
 
+def _name(name: object) -> str:
+    """Return the name of a person, without what shows nothing.
+
+    Raises:
+        BadMessageError: it is not one.
+    """
+    if not isinstance(name, str) or len(name) > MAX_NAME:
+        raise BadMessageError("not a name")
+    return printable(BLANK.sub("", name).strip())
+
+
 def _number(digits: str) -> int:
     if DIGITS.fullmatch(digits) is None or int(digits) > MAX_NUMBER:
         raise BadMessageError("not a number of 64 bits")
@@ -160,7 +186,15 @@ def cause_of(status: SafetyStatus) -> tuple[str, str]:
     return text.replace("WHO", printable(status.owner) or "the command source"), words.step
 
 
-def view(station: str, endpoint: str, status: SafetyStatus | None, driver: str, *, has_rival: bool) -> Fields:
+def view(
+    station: str,
+    endpoint: str,
+    status: SafetyStatus | None,
+    driver: str,
+    *,
+    has_rival: bool,
+    is_seen: bool = False,
+) -> Fields:
     """Return what a page shows besides its lease.
 
     Args:
@@ -169,6 +203,7 @@ def view(station: str, endpoint: str, status: SafetyStatus | None, driver: str, 
         status: the newest one; None if it is missing or outdated.
         driver: the name of the person who drives; empty: nobody.
         has_rival: whether another page or program is the same station.
+        is_seen: whether a status has shown the e-stop since this page was pressed.
     """
     stations = [] if status is None else status.estop_stations
     own = next((one for one in stations if one.name == station), None)
@@ -184,6 +219,7 @@ def view(station: str, endpoint: str, status: SafetyStatus | None, driver: str, 
         "problem": problem,  # why the page is not heard, if it is not
         "cause": "" if status is None else cause_of(status)[0],
         "latched": status is not None and is_latched(status),
+        "seen": is_seen,
         "required": own is not None and own.required,
         "driver": driver,
     }

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 CODE_LIFETIME_S = 60.0
 SESSION_LIFETIME_S = 12 * 3600.0
 MAX_SESSIONS = 8
-"""A further one ends the oldest."""
+"""More than pages may be connected. A further one ends the oldest whose page is not connected."""
 
 
 @dataclass(eq=False, slots=True)
@@ -23,6 +23,10 @@ class Session:
     ends_s: float
     name: str = ""
     """The name of the person, as the page reports it; empty: unknown."""
+    is_pressed: bool = False
+    """Whether the press of this page is recorded and not released."""
+    is_connected: bool = False
+    """Whether the page is connected as a station."""
 
 
 class Pairing:
@@ -50,8 +54,10 @@ class Pairing:
         if self._code == "" or now_s > self._code_ends_s or not _equal(code, self._code):
             return None
         self._code = ""
+        if len(self._sessions) >= MAX_SESSIONS:
+            self._sessions.remove(next(one for one in self._sessions if not one.is_connected))
         session = Session(token, now_s + SESSION_LIFETIME_S)
-        self._sessions = [*self._sessions, session][-MAX_SESSIONS:]
+        self._sessions.append(session)
         return session
 
     def resume(self, token: str, now_s: float) -> Session | None:

@@ -44,6 +44,11 @@ class Run:
     unseen_s: float = math.inf
     """When it was pressed, until a later status shows the e-stop."""
 
+    @property
+    def is_seen(self) -> bool:
+        """Whether it is pressed, and a later status has shown the e-stop."""
+        return self.is_pressed and self.unseen_s == math.inf
+
 
 class Relay:
     """All pages of one station.
@@ -113,9 +118,16 @@ class Relay:
                 and messages.is_latched(self._newest[1])
             ):
                 run.unseen_s = math.inf
+                self._next_show_s = 0.0  # the page may be released now
+                self._wake.set()
             if run.is_pressed and run.unseen_s < math.inf:
                 self._estop.put(Bool(data=True))
         return run in self._runs
+
+    def press(self, run: Run) -> None:
+        """Let the next message of a page that is pressed already be sent as an e-stop again: its person has touched it again."""
+        if run.is_pressed:
+            run.unseen_s = asyncio.get_running_loop().time()
 
     def leave(self, run: Run) -> None:
         """End the run of a page, unless it has ended before: the lease ends with its token."""
@@ -155,5 +167,12 @@ class Relay:
             known = status if now_s - arrival_s <= STATUS_LIMIT_S else None
             for run in self._runs:
                 rivals = self._epochs - (set() if run.presence is None else {run.presence.epoch})
-                view = messages.view(self._name, self._endpoint, known, self.driver, has_rival=bool(rivals))
+                view = messages.view(
+                    self._name,
+                    self._endpoint,
+                    known,
+                    self.driver,
+                    has_rival=bool(rivals),
+                    is_seen=run.is_seen,
+                )
                 run.page.show("view", view)

@@ -24,9 +24,10 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from station import messages
 from station.admission import RESPONSE_HEADERS, Address
 from station.driving import Driving, Person, Pictures
-from station.messages import BadMessageError, Fields, HandOver, Wanted
+from station.messages import BadMessageError, Fields, HandOver, Hello, Wanted
 from station.pairing import Pairing, Session
 from station.relay import MAX_PAGES, Relay, Run
+from wire.message_types import EstopLease
 
 _log = logging.getLogger(__name__)
 
@@ -63,6 +64,7 @@ REPLACED = 4409, "The page has a newer connection: use that one."
 NO_DRIVING = 4405, "This station does not drive: start it with --drive."
 NO_NAME = 4403, "Enter your name first."
 HAS_PLACE = 4411, "This page drives or asks already: press Drive again in a second."
+NAME_TAKEN = 4412, "A person with this name drives or asks already: enter another name."
 NO_PICTURE = 4404, "This station shows no pictures: start it with the robot's --config."
 TOO_MANY_PAGES = 4429, "Too many pages of this station are open: close one."
 ANOTHER_ASKS = "That person no longer asks to drive: look who asks now."
@@ -138,6 +140,7 @@ class Application:
         address: where the page is served.
         relay: carries the leases.
         pairing: decides who may hold one.
+        clock: returns the time of codes and sessions [s]; it goes on while the machine is suspended.
         say: called with a sentence about each page that comes or goes.
         painter: makes pictures of the robot; None: the pages show none.
         driving: gives the wheel to a page; None: the pages do not drive.
@@ -149,11 +152,13 @@ class Application:
         address: Address,
         relay: Relay,
         pairing: Pairing,
+        clock: Callable[[], float],
         say: Callable[[str], None],
         painter: Painter | None,
         driving: Driving | None,
     ) -> None:
         self._name, self._address, self._relay, self._pairing, self._say = name, address, relay, pairing, say
+        self._clock = clock
         self._painter, self._driving = painter, driving
         self._runs: dict[Session, Run] = {}
         self._pictures: dict[Session, Pictures] = {}
@@ -187,7 +192,10 @@ class Application:
         visitor, socket = websocket.state.visitor, Socket(websocket)
         try:
             await websocket.accept()
-            session = self._session(*messages.read_hello(await socket.read()), begins=serve == self._lease)
+            hello = messages.read_hello(await socket.read())
+            session = self._session(hello, begins=serve == self._lease)
+            if hello.name is not None:
+                session.name = hello.name
             visitor.stay()
             writing = asyncio.ensure_future(socket.write())
             try:
@@ -205,17 +213,17 @@ class Application:
             _log.exception("a page ended with an unexpected error")
             raise
 
-    def _session(self, code: str, token: str, *, begins: bool) -> Session:
+    def _session(self, hello: Hello, *, begins: bool) -> Session:
         """Return the session of a page that is paired, with a code or a token, and holds its lease now unless it begins.
 
         Raises:
             ClosingError: there is none.
         """
-        now_s = asyncio.get_running_loop().time()
-        if code and begins:
-            session = self._pairing.pair(code, secrets.token_urlsafe(32), now_s)
+        now_s = self._clock()
+        if hello.code and begins:
+            session = self._pairing.pair(hello.code, secrets.token_urlsafe(32), now_s)
         else:
-            session = self._pairing.resume(token, now_s)
+            session = self._pairing.resume(hello.token, now_s)
         if session is None or not (begins or session in self._runs):
             raise ClosingError(*NOT_PAIRED)
         return session
@@ -229,24 +237,37 @@ class Application:
         may_drive = self._driving is not None
         socket.show("welcome", {"station": self._name, "token": session.token, "may_drive": may_drive})
         run = self._runs[session] = self._relay.enter(socket)
+        session.is_connected = True
         self._say(f"{self._name}: a page is connected")
         try:
             while True:
                 heard = messages.read_lease(await socket.read())
-                if isinstance(heard, str):
+                if heard is None:
+                    self._relay.press(run)
+                    session.is_pressed = False
+                elif isinstance(heard, str):
                     session.name = heard
-                    continue
-                was_pressed = run.is_pressed
-                if not self._relay.hear(run, heard):
-                    raise ClosingError(*REPLACED)
-                if self._driving is not None and run.is_pressed and not was_pressed:
-                    name = session.name or "a person without a name"
-                    self._driving.record(session, f"{name} pressed the e-stop")
+                else:
+                    self._hear(session, run, heard)
         finally:
             self._relay.leave(run)
             if self._runs.get(session) is run:
                 del self._runs[session]
+                session.is_connected = False
             self._say(f"{self._name}: the connection to a page has ended")
+
+    def _hear(self, session: Session, run: Run, message: EstopLease) -> None:
+        """Pass on a message of a page, and record a press once: the page stays pressed when it connects again.
+
+        Raises:
+            ClosingError: the run has ended.
+        """
+        if not self._relay.hear(run, message):
+            raise ClosingError(*REPLACED)
+        if self._driving is not None and run.is_pressed and not session.is_pressed:
+            name = session.name or "a person without a name"
+            self._driving.record(session, f"{name} pressed the e-stop")
+        session.is_pressed = run.is_pressed
 
     async def _picture(self, socket: Socket, session: Session) -> None:
         """Show a page one picture at a time: the next one is made when the page has drawn the one before.
@@ -282,6 +303,8 @@ class Application:
             raise ClosingError(*NO_NAME)
         if self._driving.has(session):
             raise ClosingError(*HAS_PLACE)
+        if self._driving.has_name(session.name):
+            raise ClosingError(*NAME_TAKEN)
         person = self._driving.enter(session.name, session)
         try:
             await self._follow(socket, session, self._driving, person)

@@ -1,8 +1,9 @@
 """Exclusive use of a command source's name by one program, even if several start simultaneously.
 
 A holder has the source's token, that of its own run, and answers the service `<source>/holder` with a sentence about
-itself. Anyone may hold the source's token; it proves nothing about a holder. A program that
-wants the name first becomes a candidate, by declaring a token `<source>.<mark>`, and then checks the other tokens:
+itself. Anyone may hold the source's token; it proves nothing about a holder. A program that serves this service and does not
+hold the name answers in time only while nobody holds it. A program that wants the name first becomes a candidate, by
+declaring a token `<source>.<mark>`, and then checks the other tokens:
 
     the holder answers                            give up
     there is a candidate with a smaller mark      give up: both are starting
@@ -58,6 +59,8 @@ class Holder:
         self._serves = False
         self._changes: Inbox[LivelinessChange] = bus.watch_alive(nodes=[source, f"{source}.$*"])
         self._alive: set[tuple[str, bytes]] = set()
+        self._before: set[tuple[str, bytes]] = set()
+        """The tokens that existed when this program acquired the name: some may outlive their session."""
 
     @property
     def holds(self) -> bool:
@@ -72,13 +75,18 @@ class Holder:
         candidacy = self._bus.declare_alive(self._candidate)
         try:
             await self._until_nobody_else()
-            if not self._serves:
-                self._serves = True
-                self._bus.serve(topics.source_holder(self._source), self._answer)
+            self.serve()
             # The run's token first: where it exists, the source's token never stands alone for a holder.
             self._tokens = [self._declare_run(), self._bus.declare_alive(self._source)]
+            self._before = set(self._seen())
         finally:
             candidacy.withdraw()
+
+    def serve(self) -> None:
+        """Answer who asks for the holder from now on, also before and after this program holds the name."""
+        if not self._serves:
+            self._serves = True
+            self._bus.serve(topics.source_holder(self._source), self._answer)
 
     def begin_anew(self) -> None:
         """Begin a new run: its commands have a new epoch, and so has its token."""
@@ -127,11 +135,9 @@ class Holder:
 
     async def _others(self) -> set[tuple[str, bytes]]:
         """Return the tokens of the holder's run and of the other candidates, except for copies that outlive their session."""
-        for change in self._changes.take():
-            (self._alive.add if change.alive else self._alive.discard)((change.node, change.epoch))
         others = {
             (node, epoch)
-            for node, epoch in self._alive
+            for node, epoch in self._seen()
             if (epoch if node == self._source else node != self._candidate)
         }
         sessions = await self._bus.connected() if others else None
@@ -140,7 +146,26 @@ class Holder:
         marks = {session[:SESSION_BYTES] for session in sessions}
         return {(node, epoch) for node, epoch in others if _session_of(node, epoch) in marks}
 
+    def _seen(self) -> set[tuple[str, bytes]]:
+        """Return the tokens of all runs and candidates, and of the source, each with its epoch."""
+        for change in self._changes.take():
+            (self._alive.add if change.alive else self._alive.discard)((change.node, change.epoch))
+        return self._alive
+
+    @property
+    def is_contested(self) -> bool:
+        """Whether another run of the source has begun since this program acquired the name: its link was lost meanwhile."""
+        own = (b"", self._commands.epoch)
+        return any(node == self._source and epoch not in own for node, epoch in self._seen() - self._before)
+
     async def _answer(self, _: str) -> TriggerResponse:
+        """Return what this program is; while another one holds the name, too late: the first answer counts."""
+        clock = asyncio.get_running_loop().time
+        end_s = clock() + ASK_LIMIT_S
+        while clock() < end_s:
+            if self.holds or all(node != self._source for node, _ in await self._others()):
+                break
+            await asyncio.sleep(POLL_S)
         return TriggerResponse(success=self.holds, message=self.about)
 
 

@@ -44,6 +44,7 @@ class SourceWheel:
         self._bus = bus
         self._about = f"the page of {about_this_process('station')}"
         self._holder = Holder(bus, self._source, self._commands, self._about)
+        self._holder.serve()  # before anyone drives: the supervisor asks who pressed the e-stop
 
     async def take(self) -> str:
         if self._holder is None:
@@ -52,7 +53,7 @@ class SourceWheel:
         try:
             await self._holder.claim()
         except HeldError as error:
-            return f"End the program that drives the robot: {error}."
+            return f"End the program that drives the robot: {printable(str(error))}."
         return ""
 
     def put(self, linear: float, angular: float, true_at_s: float) -> None:
@@ -65,6 +66,10 @@ class SourceWheel:
         except NoReplyError:
             return "The supervisor did not answer: press Reset again."
         return "" if reply.success else f"Not reset: {printable(reply.message)}"
+
+    @property
+    def is_contested(self) -> bool:
+        return self._holder is not None and self._holder.is_contested
 
     def release(self) -> None:
         if self._holder is not None:

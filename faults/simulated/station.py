@@ -105,7 +105,14 @@ class StationServer:
             part.join(self._bus)
         loop = asyncio.get_running_loop()
         application = Application(
-            NAME, ADDRESS, relay, pairing, lambda _: None, _Painter(self._bus), Driving(wheel)
+            NAME,
+            ADDRESS,
+            relay,
+            pairing,
+            loop.time,
+            lambda _: None,
+            _Painter(self._bus),
+            Driving(wheel),
         )
 
         async def accept() -> None:

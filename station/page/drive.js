@@ -2,6 +2,7 @@
 // the drawing of frames: a page that is hidden or hangs sends nothing, and the robot stops.
 
 import { connection, element, now_s, write } from "./browser.js";
+import { LEASE_S } from "./lease.js";
 import * as pictures from "./picture.js";
 import * as wishes from "./wish.js";
 
@@ -16,6 +17,8 @@ let asker = ""; // the name of the person who asks this page to hand over, as it
 let wish = wishes.NOTHING;
 let sent_s = -Infinity;
 let sentZero = true;
+let answered_s = -Infinity; // when the newest question was asked to which the browser's own process has replied
+let isAsking = false;
 
 // Called with the token of the session when the page is connected, and with an empty one when it is not.
 export function offer(ofSession) {
@@ -43,7 +46,7 @@ export function letGo(why) {
 function begin() {
   if (token === "" || socket !== null) return;
   const own = (socket = connection("drive"));
-  own.onopen = () => own.send(JSON.stringify({ token }));
+  own.onopen = () => own.send(JSON.stringify({ token, name: element("name").value }));
   own.onmessage = (event) => {
     if (own !== socket) return;
     const message = JSON.parse(event.data);
@@ -54,6 +57,8 @@ function begin() {
   own.onclose = (event) => own === socket && end(event.reason || "The connection has ended: press Drive again.");
   showReason("");
   onTurn({ drives: false, asker: "", sentence: "" });
+  answered_s = now_s();
+  isAsking = false; // a page that comes back from the history may get no reply any more
   requestAnimationFrame(() => beat(own));
 }
 
@@ -79,10 +84,25 @@ function end(why) {
 function beat(own) {
   if (own !== socket) return;
   requestAnimationFrame(() => beat(own));
-  const pad = navigator.getGamepads?.().find((one) => one?.connected && one.mapping === "standard") ?? null;
+  ask();
+  const isReached = now_s() - answered_s <= LEASE_S;
+  if (!isReached) letGo("The browser hangs: press again.");
+  // Every page in sight reads the same gamepad: it drives the one that has the focus.
+  const pads = isReached && document.hasFocus() ? navigator.getGamepads?.() : [];
+  const pad = pads?.find((one) => one?.connected && one.mapping === "standard") ?? null;
   const buttons = pad?.buttons.map((one) => one.pressed);
   follow(wishes.padRead(wish, pad === null ? null : { buttons, axes: pad.axes }));
   if (now_s() - sent_s >= (isTaken ? BEAT_S : WAIT_BEAT_S)) send();
+}
+
+// Keys and touches come through the browser's own process: while it hangs, this loop goes on, and does not learn of their release.
+async function ask() {
+  if (isAsking) return;
+  isAsking = true;
+  const asked_s = now_s();
+  await navigator.locks.query();
+  answered_s = asked_s;
+  isAsking = false;
 }
 
 // Something is held or released.
@@ -174,7 +194,7 @@ addEventListener("gamepaddisconnected", () => letGo("The gamepad was lost: conne
 
 function request(message) {
   letGo(""); // its zero goes out before
-  if (isTaken && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+  if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
 }
 
 element("drive-begin").addEventListener("click", begin);

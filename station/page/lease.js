@@ -27,8 +27,8 @@ export const dueAt_s = (lease) => lease.sent_s + PRESENCE_PERIOD_S;
 // The button stays pressed until it is released.
 export const pressed = (lease, now_s) => (isPressed(lease) ? lease : { ...lease, pressed_s: now_s });
 
-// Without the supervisor's confirmation, it stays pressed.
-export const released = (lease) => (isConfirmed(lease) ? { ...lease, pressed_s: Infinity } : lease);
+// Without the supervisor's confirmation, to this page or to the server (`isSeen`), it stays pressed.
+export const released = (lease, isSeen = false) => (isSeen || isConfirmed(lease) ? { ...lease, pressed_s: Infinity } : lease);
 
 // After the loss of the connection, only the button is still known.
 export const disconnected = (lease) => ({ ...NEW, pressed_s: lease.pressed_s });

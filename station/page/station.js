@@ -28,7 +28,7 @@ let isCovered = false; // by something else on a touch screen, which then has th
 let code = ""; // from the address, for one use
 let token = ""; // of the session; only this page has it
 let station = "";
-let view = { problem: "", cause: "", latched: false, required: false };
+let view = { problem: "", cause: "", latched: false, seen: false, required: false };
 let ending = ""; // why the last connection has ended
 let confirmedAfter_s = NaN;
 
@@ -69,8 +69,12 @@ function onMessage(message) {
   }
 }
 
+function tell(message) {
+  if (isWelcome && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+}
+
 function sendName() {
-  if (isWelcome && person.value !== "") socket.send(JSON.stringify({ name: person.value }));
+  tell({ name: person.value });
 }
 person.addEventListener("change", sendName);
 
@@ -97,7 +101,7 @@ function disconnected(why, number = 0) {
   isWelcome = false;
   challenge = null;
   lease = leases.disconnected(lease);
-  view = { ...view, latched: false };
+  view = { ...view, latched: false, seen: false };
   ending = why;
   if (number === NOT_PAIRED) token = "";
   setTimeout(connect, RETRY_S * 1000);
@@ -117,17 +121,24 @@ function change(next) {
   const [after, message] = leases.sent(next, String(random), now_s());
   if (!leases.isConfirmed(lease) && leases.isConfirmed(after)) confirmedAfter_s = now_s() - after.pressed_s;
   lease = after;
-  if (isWelcome && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+  tell(message);
   render();
 }
 
 // --- the button
+
+// Whether the supervisor has confirmed the press: to this page, or, if another page holds the lease, by a later status.
+const isConfirmed = () => leases.isConfirmed(lease) || (leases.isPressed(lease) && view.seen);
 
 function press(event) {
   event.preventDefault();
   drive.letGo("The e-stop was pressed: release it, then press Reset.");
   letGo();
   uncovered(); // touches reach the page
+  if (document.activeElement === person) sendName(); // it is still being entered
+  // Somebody may have reset the e-stop since it was pressed here. A click follows its own touch.
+  if (leases.isPressed(lease) && event.detail === 0) tell({ press: true });
+  view = { ...view, seen: false };
   change(leases.pressed(lease, now_s()));
 }
 
@@ -151,7 +162,7 @@ function hold(event) {
   release.classList.add("held");
   releasing = setTimeout(() => {
     letGo();
-    change(leases.released(lease));
+    change(leases.released(lease, view.seen));
   }, RELEASE_S * 1000);
 }
 // Without this, a finger that lifts would click what is below the hidden button: the e-stop.
@@ -163,14 +174,13 @@ for (const type of ["pointerdown", "keydown", "pointerup", "pointerleave", "poin
 // --- what it shows
 
 function sentence(word) {
-  const isConfirmed = leases.isConfirmed(lease);
   if (word === "NOT HEARD") {
-    const isStopped = isConfirmed || view.latched;
+    const isStopped = isConfirmed() || view.latched;
     const press = isStopped ? "Pressed, and the robot is stopped. " : "PRESSED, not confirmed. ";
     return (leases.isPressed(lease) ? press : "") + whyNotHeard();
   }
   if (leases.isPressed(lease)) {
-    if (!isConfirmed || word !== "STOPPED") return "Pressed: waiting for the confirmation.";
+    if (!leases.isConfirmed(lease) || word !== "STOPPED") return "Pressed: waiting for the confirmation.";
     return `Stopped from here, confirmed after ${Math.round(confirmedAfter_s * 1000)} ms.`;
   }
   if (word === "STOPPED") return `The robot is stopped${view.cause && `: ${view.cause}`}.`;
@@ -192,7 +202,7 @@ const alarm = element("hangs").animate([{ opacity: 0 }, { opacity: 0, offset: 0.
 function render() {
   alarm.currentTime = 0; // the browser runs it outside this loop, and it covers the page unless it is set back
   const word = !leases.isHeard(lease, now_s()) ? "NOT HEARD" : lease.isStopped ? "STOPPED" : "HEARD";
-  release.hidden = !leases.isConfirmed(lease);
+  release.hidden = !isConfirmed();
   document.title = `${station} ${word}`;
   document.body.dataset.word = word;
   document.body.dataset.pressed = leases.isPressed(lease);

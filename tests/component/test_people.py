@@ -15,12 +15,13 @@ from supervisor.blackbox.reader import BlackBoxReader
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
 from teleop import wheel
+from teleop.holder import Holder
 from teleop.wheel import SourceWheel
 from tests.component.rig import Rig
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, WriterAtOnce
 from virtual.network import VirtualBus
 from wire import topics
-from wire.messages import Bool, TriggerResponse
+from wire.messages import Bool, TriggerResponse, planar_twist
 
 
 class Station:
@@ -118,6 +119,70 @@ async def test_the_driver_of_a_station_that_is_killed_is_in_the_incident(tmp_pat
         station.bus.die()
         await rig.pass_time(4.0)
         assert "Anna began to drive" in acts(writer.paths[-1])
+
+
+async def test_a_press_at_a_page_is_recorded_although_nobody_has_driven_from_a_page(tmp_path: Path) -> None:
+    rig, writer = Rig(), WriterAtOnce(tmp_path)
+    async with robot(rig, writer), rig.source():
+        station = Station(rig)
+        await rig.drive(0.5)
+        station.bus.publisher(topics.ESTOP).put(Bool(data=True))
+        station.driving.record("Cleo's page", "Cleo pressed the e-stop")
+        await rig.pass_time(4.0)
+    assert "Cleo pressed the e-stop" in acts(writer.paths[-1])
+
+
+@asynccontextmanager
+async def ben_drives(rig: Rig) -> AsyncGenerator[None]:
+    """Let a program that is no page drive as the same source."""
+    bus = rig.network.open_joined("program")
+    commands = bus.publisher(topics.source_cmd_vel("teleop"))
+    holder = Holder(bus, "teleop", commands, "the program of Ben\x1b[2J")
+    await holder.claim()
+    async with rig.every(0.05, lambda: commands.put(planar_twist(*rig.velocity))):
+        await rig.drive(0.3)
+        yield
+    holder.drop()
+
+
+async def test_a_page_at_which_nobody_drives_does_not_answer_for_the_program_that_drives(
+    tmp_path: Path,
+) -> None:
+    rig, writer = Rig(), WriterAtOnce(tmp_path)
+    async with robot(rig, writer):
+        station = Station(rig)
+        anna = await station.anna_drives()
+        station.driving.leave(anna)
+        await rig.pass_time(1.0)
+        async with ben_drives(rig):
+            asks = station.driving.enter("Cleo", "Cleo's page")
+            refusal = await station.driving.take(asks, rig.loop.time())
+            assert refusal == "End the program that drives the robot: the program of Ben?[2J."
+            station.driving.leave(asks)
+            assert rig.output() == (0.3, 0.0)
+        await rig.pass_time(4.0)
+    assert "teleop: the program of Ben?[2J" in acts(writer.paths[-1])
+
+
+async def test_a_driver_whose_link_was_lost_while_another_program_took_over_loses_control(
+    tmp_path: Path,
+) -> None:
+    """Otherwise the pages would show her name while the other program drives."""
+    rig = Rig()
+    async with robot(rig, WriterAtOnce(tmp_path)):
+        station = Station(rig)
+        anna = await station.anna_drives()
+        assert station.driving.ending(anna, rig.loop.time()) == ""
+        rig.network.cut("page")
+        await rig.pass_time(2.0)
+        async with ben_drives(rig):
+            rig.network.heal("page")
+            await rig.pass_time(1.0)
+            sentence = station.driving.ending(anna, rig.loop.time())
+            assert sentence == "You lost control to another program. Press Drive to drive again."
+            station.driving.leave(anna)
+            await rig.pass_time(0.5)
+            assert rig.output() == (0.3, 0.0)
 
 
 async def test_a_program_that_answers_nothing_or_anything_delays_no_command(tmp_path: Path) -> None:

@@ -2,8 +2,10 @@
 
 import asyncio
 import itertools
+import math
 from collections.abc import AsyncGenerator, Mapping
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -43,6 +45,8 @@ class Phone:
         return self._relay.hear(self.run, message)
 
     def press(self) -> None:
+        if self.lease.is_pressed:
+            self._relay.press(self.run)
         self.lease = pressed(self.lease, self._rig.loop.time())
         self.send()
 
@@ -172,6 +176,57 @@ async def test_a_press_of_a_station_that_is_not_configured_stops_the_robot_too()
         assert (await reset(rig))[0]
         await rig.pass_time(1.0)
         assert ESTOP not in rig.newest_status.causes, "pressed once, stopped twice"
+
+
+async def test_a_press_of_a_page_without_the_lease_lasts_until_it_is_released_there() -> None:
+    """The person to whom another one hands over has no lease; a press by mistake must not end the driving."""
+    rig = Rig()
+    async with robot(rig), server(rig) as relay:
+        first = Phone(rig, relay)
+        await rig.pass_time(0.5)
+        second = Phone(rig, relay)
+        await rig.pass_time(0.5)
+        for _ in range(2):
+            await rig.drive(0.5)
+            assert second.view["seen"] is False
+            second.press()
+            await rig.pass_time(0.5)
+            assert second.lease.is_confirmed is False, "it has no lease"
+            assert (first.view["seen"], second.view["seen"]) == (False, True)
+            await reset(rig)
+            await rig.pass_time(0.5)
+            assert ESTOP in rig.newest_status.causes, "reset while it is pressed"
+            second.lease = replace(second.lease, pressed_s=math.inf)
+            await rig.pass_time(0.5)
+            assert (await reset(rig))[0]
+
+
+async def test_a_press_that_no_status_has_shown_is_not_seen() -> None:
+    rig = Rig()
+    async with robot(rig), server(rig) as relay:
+        Phone(rig, relay)
+        second = Phone(rig, relay)
+        await rig.pass_time(0.5)
+        rig.network.cut("page server", up=True, down=False)
+        second.press()
+        await rig.pass_time(0.25)
+        assert second.view["seen"] is False
+
+
+async def test_a_page_that_is_touched_again_after_a_reset_stops_the_robot_again() -> None:
+    """The station is not configured, so nothing else than this touch stops the robot."""
+    rig = Rig()
+    async with robot(rig, section()), server(rig) as relay:
+        phone = Phone(rig, relay)
+        async with rig.every(0.1, phone.send):
+            await rig.drive(0.5)
+            phone.press()
+            await rig.pass_time(0.5)
+            assert (await reset(rig))[0]
+            await rig.drive(0.5)
+            phone.press()
+            await rig.pass_time(0.5)
+            assert ESTOP in rig.newest_status.causes
 
 
 async def test_the_second_page_is_not_heard_but_its_press_counts_and_its_end_stops_nothing() -> None:

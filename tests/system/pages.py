@@ -163,10 +163,11 @@ async def served(
     *nodes: str,
     teleop: bool = False,
     drives: bool = False,
+    required: bool = True,
     options: Sequence[str] = (),
 ) -> AsyncGenerator[tuple[Robot, Server]]:
-    """A robot with the required station `phone`, by default only its supervisor, and the server of its page."""
-    config = config_with(tmp_path, phone=True)
+    """A robot with the station `phone`, by default only its supervisor, and the server of its page."""
+    config = config_with(tmp_path, phone=required)
     async with robot(tmp_path, *(nodes or (topics.SUPERVISOR,)), teleop=teleop, config=config) as subject:
         server = Server(subject.endpoint, config, *(["--drive"] if drives else []), *options)
         try:

@@ -35,11 +35,11 @@ async def phone(tmp_path: Path) -> AsyncGenerator[tuple[Robot, Server, Browser, 
         yield subject, server, chromium, tab
 
 
-async def release(subject: Robot, tab: Tab) -> None:
+async def release(subject: Robot, tab: Tab, word: str = "STOPPED") -> None:
     """Hold the release until the page is released; a busy machine may hide it for a moment, and then again."""
 
     async def attempt() -> None:
-        await tab.shows("STOPPED")
+        await tab.shows(word)
         if await tab.evaluate("document.body.dataset.pressed") == "true":
             place = await tab.middle_of("#release")
             await tab.mouse("mousePressed", *place)

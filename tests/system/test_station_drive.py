@@ -14,7 +14,7 @@ from tests.system.browser import Browser, Tab, browser, needs_chromium
 from tests.system.harness import PATIENCE_S, Robot, patiently
 from tests.system.pages import Server
 from tests.system.test_estop_stations import ESTOP, LATE_S, heard
-from tests.system.test_station_browser import PRESSES, closed, killed
+from tests.system.test_station_browser import PRESSES, closed, killed, release
 from tests.system.test_station_commands import SLOW_M_S, stands
 from tests.system.test_station_picture import watched
 
@@ -22,9 +22,16 @@ pytestmark = [needs_chromium, pytest.mark.timeout(240), pytest.mark.timed]  # Ch
 
 
 @asynccontextmanager
-async def wheel(tmp_path: Path) -> AsyncGenerator[tuple[Robot, Server, Browser, Tab]]:
+async def wheel(
+    tmp_path: Path, *, required: bool = True
+) -> AsyncGenerator[tuple[Robot, Server, Browser, Tab]]:
     """A robot in its warehouse, and a page at which Anna has pressed Drive."""
-    async with watched(tmp_path, teleop=False, drives=True) as (subject, server, chromium, tab):
+    async with watched(tmp_path, teleop=False, drives=True, required=required) as (
+        subject,
+        server,
+        chromium,
+        tab,
+    ):
         await takes(tab)
         yield subject, server, chromium, tab
 
@@ -204,6 +211,38 @@ async def test_a_robot_that_drives_stops_when_the_page_loses_its_driver(
         await lose(chromium, tab)
         await stands(subject)
         await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion again", 1.0)
+
+
+async def test_a_key_is_held_no_more_when_the_process_of_the_browser_hangs_that_carries_it(
+    tmp_path: Path,
+) -> None:
+    """Also if the robot does not depend on the lease of this page, as after a hand-over."""
+    async with wheel(tmp_path, required=False) as (subject, _, chromium, tab):
+        await drives(subject, tab, lambda: key(tab, "KeyW", down=True))
+        chromium.stop_part("")
+        await stands(subject)
+        assert not {"OBSTACLE", "COMMAND_TIMEOUT"} & set(subject.status.reasons), "something else stopped it"
+        await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion again", 1.0)
+
+
+async def test_the_press_of_a_driver_without_the_lease_is_released_at_the_same_page(tmp_path: Path) -> None:
+    async with (
+        wheel(tmp_path) as (subject, server, _, anna),
+        browser(tmp_path / "second") as second,
+    ):
+        await heard(subject, "phone")
+        ben = await second.open(await server.new_address())
+        await ben.waits_for("document.body?.dataset.picture === 'true'")
+        await anna.click(*await anna.middle_of("#drive-end"))
+        await takes(ben, "Ben")
+        await drives(subject, ben, lambda: key(ben, "KeyW", down=True))
+        await key(ben, "KeyW", down=False)
+        await ben.click(*await ben.middle_of("#map"))
+        await subject.until(lambda: ESTOP in subject.status.causes, "his press")
+        await ben.shows("NOT HEARD", "Pressed, and the robot is stopped.")
+        await ben.waits_for("!document.getElementById('release').hidden")
+        await release(subject, ben, "NOT HEARD")
+        await drives(subject, ben, lambda: key(ben, "KeyW", down=True))
 
 
 async def test_a_killed_server_stops_the_robot(tmp_path: Path) -> None:

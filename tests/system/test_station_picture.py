@@ -26,14 +26,24 @@ FACTS = "document.getElementById('facts').textContent"
 
 @asynccontextmanager
 async def watched(
-    tmp_path: Path, *, teleop: bool = True, drives: bool = False, options: Sequence[str] = ()
+    tmp_path: Path,
+    *,
+    teleop: bool = True,
+    drives: bool = False,
+    required: bool = True,
+    options: Sequence[str] = (),
 ) -> AsyncGenerator[tuple[Robot, Server, Browser, Tab]]:
     """A robot in its warehouse, and a browser whose page shows it."""
     async with (
-        served(tmp_path, topics.SUPERVISOR, topics.SIM, teleop=teleop, drives=drives, options=options) as (
-            subject,
-            server,
-        ),
+        served(
+            tmp_path,
+            topics.SUPERVISOR,
+            topics.SIM,
+            teleop=teleop,
+            drives=drives,
+            required=required,
+            options=options,
+        ) as (subject, server),
         browser(tmp_path / "profile") as chromium,
     ):
         tab = await chromium.open(await server.new_address())

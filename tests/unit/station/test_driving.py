@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from station.driving import IDLE_S, MAX_PICTURES, STALE_S, Commands, Driving, Person, Pictures
+from station.driving import IDLE_S, LEFT, MAX_PICTURES, STALE_S, Commands, Driving, Person, Pictures
 from station.messages import BadMessageError, Wanted
 
 ZERO = (0.0, 0.0)
@@ -20,6 +20,7 @@ class Record:
 
     def __init__(self) -> None:
         self.sent, self.is_taken, self.refuses = list[tuple[float, float, float]](), False, ""
+        self.is_contested = False
         self.acts = list[str]()
 
     async def take(self) -> str:
@@ -168,7 +169,7 @@ async def test_a_person_who_asks_moves_nothing_and_resets_nothing_until_the_driv
     wheel, driving, anna, ben = await asked()
     assert await driving.take(ben, 101.0) == ""
     driving.hear(ben, MOTION, shown(101.0), 101.0)
-    assert await driving.reset(ben) == "Only the driver resets: ask to drive first."
+    assert await driving.reset(ben) == "Only the driver resets: wait until you drive."
     assert (driving.driver, wheel.sent, wheel.is_taken) == ("Anna", [], True)
     driving.leave(anna)
     assert (driving.driver, wheel.is_taken) == ("", False)
@@ -215,6 +216,15 @@ async def test_a_driver_without_motion_loses_control_after_the_shown_time(idle_s
     assert (driving.ending(anna, idle_s) != "") is ends
     driving.leave(anna)
     assert wheel.acts[-1] == ("Anna lost control after 30 s without motion" if ends else "Anna ended driving")
+
+
+async def test_a_driver_whose_source_another_program_has_taken_loses_control() -> None:
+    wheel, driving, anna, ben = await asked()
+    wheel.is_contested = True
+    assert driving.ending(ben, 101.0) == ""
+    assert driving.ending(anna, 101.0) == "You lost control to another program. Press Drive to drive again."
+    driving.leave(anna)
+    assert wheel.acts[-1] == "Anna lost control to another program"
 
 
 async def test_motion_begins_the_time_again_and_zero_does_not() -> None:
@@ -269,6 +279,47 @@ async def test_a_hand_over_to_a_person_who_has_left_meanwhile_gives_the_wheel_to
     assert driving.ending(anna, 101.0, "Cleo").startswith("You handed over to Cleo.")
 
 
+async def test_nobody_gets_the_wheel_by_a_hand_over_to_a_person_who_leaves_before_the_first_message() -> None:
+    wheel, driving, anna, ben = await asked()
+    cleo = driving.enter("Cleo", "Cleo's page")
+    assert driving.ending(anna, 101.0, "Ben") == HANDED_OVER
+    driving.leave(anna)
+    dora = driving.enter("Dora", "Dora's page")
+    driving.leave(ben)
+    for asks in (cleo, dora):
+        assert await driving.take(asks, 101.1) == ""
+        assert (driving.driver, wheel.is_taken) == ("", False)
+        assert driving.ending(asks, 101.1) == LEFT
+        driving.leave(asks)
+    again = driving.enter("Cleo", "Cleo's page")
+    await driving.take(again, 102.0)
+    assert driving.driver == "Cleo"
+
+
+async def test_nobody_gets_the_wheel_by_a_hand_over_to_a_person_who_cannot_take_it() -> None:
+    wheel, driving, anna, ben = await asked()
+    cleo = driving.enter("Cleo", "Cleo's page")
+    assert driving.ending(anna, 101.0, "Ben") == HANDED_OVER
+    driving.leave(anna)
+    wheel.refuses = "Another program drives."
+    assert await driving.take(ben, 101.0) == wheel.refuses
+    driving.leave(ben)
+    wheel.refuses = ""
+    await driving.take(cleo, 101.1)
+    assert (driving.driver, driving.ending(cleo, 101.1)) == ("", LEFT)
+
+
+async def test_after_a_hand_over_the_next_person_drives_when_the_turn_that_it_began_has_ended() -> None:
+    _, driving, anna, ben = await asked()
+    cleo = driving.enter("Cleo", "Cleo's page")
+    assert driving.ending(anna, 101.0, "Ben") == HANDED_OVER
+    driving.leave(anna)
+    await driving.take(ben, 101.0)
+    driving.leave(ben)
+    await driving.take(cleo, 102.0)
+    assert (driving.driver, driving.ending(cleo, 102.0)) == ("Cleo", "")
+
+
 async def test_persons_drive_in_the_order_in_which_they_asked() -> None:
     _, driving, anna, ben = await asked()
     cleo = driving.enter("Cleo", "Cleo's page")
@@ -294,6 +345,17 @@ async def test_a_page_has_one_place_and_gets_a_new_one_at_the_end_of_the_queue()
     assert driving.driver == ""
     await driving.take(cleo, 101.0)
     assert driving.driver == "Cleo"
+
+
+async def test_a_name_has_one_place_so_that_a_hand_over_names_one_person() -> None:
+    _, driving, anna, ben = await asked()
+    assert driving.has_name("Anna")
+    assert driving.has_name("BEN")
+    assert not driving.has_name("Cleo")
+    driving.leave(ben)
+    assert not driving.has_name("Ben")
+    driving.leave(anna)
+    assert not driving.has_name("Anna")
 
 
 async def test_a_wheel_that_another_program_holds_is_released_again() -> None:

@@ -39,9 +39,10 @@ def shown(newest: SafetyStatus | None, *, has_rival: bool = False) -> dict[str, 
 
 
 def test_the_first_message_has_a_code_or_a_token() -> None:
-    assert read_hello('{"code": "abc"}') == ("abc", "")
-    assert read_hello('{"token": "abc"}') == ("", "abc")
-    assert read_hello(json.dumps({"code": "x" * MAX_SECRET})) == ("x" * MAX_SECRET, "")
+    assert read_hello('{"code": "abc"}') == ("abc", "", None)
+    assert read_hello('{"token": "abc"}') == ("", "abc", None)
+    assert read_hello('{"token": "abc", "name": " Ben\\u001b"}') == ("", "abc", "Ben?")
+    assert read_hello(json.dumps({"code": "x" * MAX_SECRET})) == ("x" * MAX_SECRET, "", None)
 
 
 def test_the_numbers_of_a_lease_are_digits_of_up_to_64_bits() -> None:
@@ -61,6 +62,12 @@ GARBAGE = [
     "{}",
     '{"code": 1}',
     '{"code": "a", "token": "b"}',
+    '{"token": "a", "name": 1}',
+    '{"name": 1}',
+    json.dumps({"token": "a", "name": "x" * (MAX_NAME + 1)}),
+    '{"press": false}',
+    '{"press": 1}',
+    '{"press": true, "stop": true}',
     json.dumps({"code": "x" * (MAX_SECRET + 1)}),
     json.dumps({"token": "x" * (MAX_SECRET + 1)}),
     '{"challenge": 1, "response": "1", "stop": false}',
@@ -121,11 +128,17 @@ def test_the_page_shows_the_cause_in_words_and_whether_the_robot_depends_on_it()
         "problem": "",
         "cause": "the emergency stop is latched",
         "latched": True,
+        "seen": False,
         "required": True,
         "driver": "Anna",
     }
     assert shown(status(required=False))["required"] is False
     assert not is_latched(status("OBSTACLE"))
+    assert shown(None)["seen"] is False
+
+
+def test_a_page_that_is_touched_again_says_so() -> None:
+    assert read_lease('{"press": true}') is None
 
 
 def test_foreign_text_is_made_printable() -> None:

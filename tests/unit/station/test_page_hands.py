@@ -14,6 +14,8 @@ const frames = [];
 const sent = [];
 let clock_ms = 1000;
 let pads = [];
+let hasFocus = true;
+let hangs = false; // the browser's own process
 const listen = (of) => (type, call, isFirst) => (of[isFirst ? `first ${type}` : type] ??= []).push(call);
 const made = (id) => {
   const own = {};
@@ -27,7 +29,7 @@ const made = (id) => {
 const element = (id) => (elements[id] ??= made(id));
 Object.assign(globalThis, {
   addEventListener: listen(listeners),
-  document: { addEventListener: listen(listeners), getElementById: element, body: element("body") },
+  document: { addEventListener: listen(listeners), getElementById: element, body: element("body"), hasFocus: () => hasFocus },
   location: { protocol: "http:", host: "x" },
   matchMedia: () => ({ matches: false }),
   devicePixelRatio: 1,
@@ -43,7 +45,9 @@ Object.assign(globalThis, {
     close() { this.readyState = 3; }
   },
 });
-Object.defineProperty(globalThis, "navigator", { value: { getGamepads: () => pads } });
+Object.defineProperty(globalThis, "navigator", {
+  value: { getGamepads: () => pads, locks: { query: () => (hangs ? new Promise(() => {}) : Promise.resolve()) } },
+});
 Object.defineProperty(globalThis, "performance", { value: { now: () => clock_ms } });
 const drive = await import("./drive.js");
 const pictures = await import("./picture.js");
@@ -67,12 +71,19 @@ const steps = {
     frames.splice(0).forEach((call) => call());
   },
   pads(all) { pads = all; },
+  focus(is) { hasFocus = is; },
+  hang() { hangs = true; },
+  open() { sockets.at(-1).onopen(); },
+  fill(id, value) { element(id).value = value; },
   map(size) { Object.assign(element("map"), { clientWidth: size, clientHeight: size }); },
   pictures() { pictures.begin("token"); },
   shown(message) { sockets.at(-1).onmessage({ data: JSON.stringify(message) }); },
   closed(reason, code) { sockets.at(-1).onclose({ reason, code }); },
 };
-for (const [name, ...parts] of JSON.parse(readFileSync(0))) steps[name](...parts);
+for (const [name, ...parts] of JSON.parse(readFileSync(0))) {
+  steps[name](...parts);
+  await new Promise(setImmediate); // the browser replies
+}
 const texts = Object.fromEntries(Object.entries(elements).map(([id, one]) => [id, one.textContent]));
 console.log(JSON.stringify([sent, { ...texts, sockets: sockets.map((one) => one.url).join(" ") }, pictures.drawn()]));
 """
@@ -159,6 +170,37 @@ def pad(*, held: bool, mapping: str = "standard") -> list[Step]:
 @pytest.mark.parametrize(("mapping", "share"), [("standard", 1), ("", 0)])
 def test_a_gamepad_without_the_standard_mapping_does_not_drive(mapping: str, share: float) -> None:
     assert newest(*pad(held=False, mapping=mapping), *pad(held=True, mapping=mapping)) == share
+
+
+def test_a_gamepad_drives_only_the_page_that_has_the_focus() -> None:
+    """Two pages in sight of one browser, of two robots, read the same gamepad."""
+    assert newest(*pad(held=False), *pad(held=True)) == 1
+    assert newest(["focus", False], *pad(held=False), *pad(held=True)) == 0
+    lost: list[Step] = [*pad(held=False), *pad(held=True), ["focus", False], ["frame", 50]]
+    assert newest(*lost) == 0
+    assert newest(*lost, ["focus", True], ["frame", 50]) == 0, "still held"
+    assert newest(*lost, ["focus", True], *pad(held=False), *pad(held=True)) == 1
+
+
+@pytest.mark.parametrize("hold", [[W], PULLED, [*pad(held=False), *pad(held=True)]])
+def test_while_the_process_of_the_browser_hangs_that_carries_the_hands_nothing_is_held(
+    hold: list[Step],
+) -> None:
+    """The script, its frames and its connections go on without this process; only its lease, if it has one, would end."""
+    frames: list[Step] = [["frame", 50]] * 8
+    assert newest(*hold, *frames) == 1
+    assert newest(*hold, ["hang"], *frames) == 0
+    assert "The browser hangs" in run(*BEGUN, *hold, ["hang"], *frames)[1]["drive-reason"]
+
+
+def test_a_page_asks_to_drive_under_the_name_that_it_shows() -> None:
+    """The name is sent on another connection too, which may be slower."""
+    assert run(["fill", "name", "Ben"], ["begin"], ["open"])[0] == [{"token": "token", "name": "Ben"}]
+
+
+def test_a_reset_of_a_page_that_asks_is_sent_so_that_the_server_refuses_it() -> None:
+    asks: list[Step] = [["begin"], ["turn", False, "", "Wait for Anna."], ["frame", 50]]
+    assert run(*asks, ["on", "reset", "click", {}])[0][-1] == {"request": "reset"}
 
 
 def test_a_refusal_lets_go_and_is_shown_until_something_is_held_again() -> None:

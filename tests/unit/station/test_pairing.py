@@ -82,6 +82,17 @@ def test_a_session_too_many_ends_the_oldest() -> None:
     assert resumed == [False] + [True] * MAX_SESSIONS
 
 
+def test_a_session_too_many_ends_the_oldest_whose_page_is_not_connected() -> None:
+    pairing = Pairing()
+    for number in range(MAX_SESSIONS + 1):
+        pairing.offer(CODE, 0.0)
+        session = pairing.pair(CODE, f"token{number}", 0.0)
+        assert session is not None
+        session.is_connected = number < 2
+    resumed = [pairing.resume(f"token{number}", 0.0) is not None for number in range(MAX_SESSIONS + 1)]
+    assert resumed == [True, True, False] + [True] * (MAX_SESSIONS - 2)
+
+
 @given(st.lists(st.tuples(st.sampled_from(["offer", "pair", "guess", "wait"]), st.floats(0.0, 100.0))))
 def test_there_are_never_more_sessions_than_codes_that_were_offered(
     steps: list[tuple[str, float]],

@@ -32,7 +32,9 @@ class Stranger:
 
 async def test_nothing_of_a_page_that_was_refused_stays_in_memory() -> None:
     address = Address("http", ("page",), 8470)
-    application = Application("phone", address, Relay("phone", "tcp/x:1"), Pairing(), print, None, None)
+    application = Application(
+        "phone", address, Relay("phone", "tcp/x:1"), Pairing(), lambda: 0.0, print, None, None
+    )
     stranger = Stranger()
     scope = {"type": "websocket", "path": "/lease", "headers": HEADERS, "state": {"visitor": None}}
     await application(scope, stranger.receive, stranger.send)
