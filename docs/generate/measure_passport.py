@@ -140,7 +140,9 @@ class Site:
             "--out", str(self.out), "--load", "0", "--runs", str(runs),
             *(["--without"] if without else []),
         )  # fmt: skip
-        return pexpect.spawn(command[0], command[1:], dimensions=(50, 200), encoding="utf-8")
+        # Where no terminal is named, as under CI, no progress would be shown.
+        named = os.environ | {"TERM": "xterm-256color"}
+        return pexpect.spawn(command[0], command[1:], env=named, dimensions=(50, 200), encoding="utf-8")
 
     def record(self) -> Passport:
         return from_json(self.out.read_text())
