@@ -148,6 +148,10 @@ addEventListener("keydown", (event) => {
   if (event.repeat || event.target === release || event.target === person || event.ctrlKey || event.altKey || event.metaKey) return;
   if (!NO_STOP_KEYS.test(event.key) && !drive.takes(event)) press(event);
 });
+// If what a finger holds is hidden meanwhile, the finger would click what is below it when it lifts: the e-stop.
+addEventListener("touchend", (event) => {
+  if (event.target.getClientRects().length === 0) event.preventDefault();
+});
 addEventListener("contextmenu", (event) => event.preventDefault()); // of a long touch
 
 let releasing = 0;
@@ -165,8 +169,6 @@ function hold(event) {
     change(leases.released(lease, view.seen));
   }, RELEASE_S * 1000);
 }
-// Without this, a finger that lifts would click what is below the hidden button: the e-stop.
-release.addEventListener("touchend", (event) => event.preventDefault());
 for (const type of ["pointerdown", "keydown", "pointerup", "pointerleave", "pointercancel", "keyup", "blur"]) {
   release.addEventListener(type, hold);
 }

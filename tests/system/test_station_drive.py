@@ -13,7 +13,7 @@ from supervisor.blackbox.reader import BlackBoxReader
 from tests.system.browser import Browser, Tab, browser, needs_chromium
 from tests.system.harness import PATIENCE_S, Robot, patiently
 from tests.system.pages import Server
-from tests.system.test_estop_stations import ESTOP, LATE_S, heard
+from tests.system.test_estop_stations import ESTOP, LATE_S, heard, state
 from tests.system.test_station_browser import PRESSES, closed, killed, release
 from tests.system.test_station_commands import SLOW_M_S, stands
 from tests.system.test_station_picture import watched
@@ -184,6 +184,22 @@ async def test_two_thumbs_drive_and_a_third_finger_stops(tmp_path: Path) -> None
         await tab.touch("touchStart", enable, (x, y - 40), await tab.middle_of("#speed"))
         await stands(subject)
         await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion again", 0.5)
+
+
+async def test_a_finger_that_lifts_from_a_control_which_is_hidden_meanwhile_presses_nothing(
+    tmp_path: Path,
+) -> None:
+    """The turn ends while a finger is on the screen, which then lifts from the e-stop."""
+    async with wheel(tmp_path) as (subject, _, _, tab):
+        await tab.do("Emulation.setTouchEmulationEnabled", enabled=True)
+        for place in ("#enable", "#stick", "#drive-end"):
+            await tab.waits_for("document.getElementById('enable').offsetWidth > 0")
+            await tab.touch("touchStart", await tab.middle_of(place))
+            await tab.evaluate("document.getElementById('drive-end').click()")
+            await tab.waits_for("document.getElementById('drive').hidden")
+            await tab.touch("touchEnd")
+            await subject.never(lambda: "pressed" in state(subject, "phone"), f"pressed below {place}", 1.0)
+            await takes(tab, "")
 
 
 async def blurred(_: Browser, tab: Tab) -> None:
