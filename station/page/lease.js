@@ -17,8 +17,9 @@ export const NEW = {
 
 export const isPressed = (lease) => lease.pressed_s < Infinity;
 
-// Whether the supervisor has accepted a message that said that the button is pressed.
-export const isConfirmed = (lease) => lease.heard_s >= lease.pressed_s;
+// Whether the supervisor has accepted a message that said that the button is pressed. If another page holds the lease, it answers
+// none, and a later status has to show the e-stop (isSeen).
+export const isConfirmed = (lease, isSeen = false) => lease.heard_s >= lease.pressed_s || (isSeen && isPressed(lease));
 
 export const isHeard = (lease, now_s) => now_s - lease.heard_s <= LEASE_S;
 
@@ -27,8 +28,8 @@ export const dueAt_s = (lease) => lease.sent_s + PRESENCE_PERIOD_S;
 // The button stays pressed until it is released.
 export const pressed = (lease, now_s) => (isPressed(lease) ? lease : { ...lease, pressed_s: now_s });
 
-// Without the supervisor's confirmation, to this page or to the server (`isSeen`), it stays pressed.
-export const released = (lease, isSeen = false) => (isSeen || isConfirmed(lease) ? { ...lease, pressed_s: Infinity } : lease);
+// Without the supervisor's confirmation, it stays pressed.
+export const released = (lease, isSeen = false) => (isConfirmed(lease, isSeen) ? { ...lease, pressed_s: Infinity } : lease);
 
 // After the loss of the connection, only the button is still known.
 export const disconnected = (lease) => ({ ...NEW, pressed_s: lease.pressed_s });

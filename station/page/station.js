@@ -127,9 +127,6 @@ function change(next) {
 
 // --- the button
 
-// Whether the supervisor has confirmed the press: to this page, or, if another page holds the lease, by a later status.
-const isConfirmed = () => leases.isConfirmed(lease) || (leases.isPressed(lease) && view.seen);
-
 function press(event) {
   event.preventDefault();
   drive.letGo("The e-stop was pressed: release it, then press Reset.");
@@ -177,7 +174,7 @@ for (const type of ["pointerdown", "keydown", "pointerup", "pointerleave", "poin
 
 function sentence(word) {
   if (word === "NOT HEARD") {
-    const isStopped = isConfirmed() || view.latched;
+    const isStopped = leases.isConfirmed(lease, view.seen) || view.latched;
     const press = isStopped ? "Pressed, and the robot is stopped. " : "PRESSED, not confirmed. ";
     return (leases.isPressed(lease) ? press : "") + whyNotHeard();
   }
@@ -204,7 +201,7 @@ const alarm = element("hangs").animate([{ opacity: 0 }, { opacity: 0, offset: 0.
 function render() {
   alarm.currentTime = 0; // the browser runs it outside this loop, and it covers the page unless it is set back
   const word = !leases.isHeard(lease, now_s()) ? "NOT HEARD" : lease.isStopped ? "STOPPED" : "HEARD";
-  release.hidden = !isConfirmed();
+  release.hidden = !leases.isConfirmed(lease, view.seen);
   document.title = `${station} ${word}`;
   document.body.dataset.word = word;
   document.body.dataset.pressed = leases.isPressed(lease);
