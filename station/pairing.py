@@ -7,6 +7,7 @@ Nothing is stored: after a restart of the server, each page needs a new code.
 """
 
 import hmac
+from collections.abc import Collection
 from dataclasses import dataclass
 
 CODE_LIFETIME_S = 60.0
@@ -25,8 +26,6 @@ class Session:
     """The name of the person, as the page reports it; empty: unknown."""
     is_pressed: bool = False
     """Whether the press of this page is recorded and not released."""
-    is_connected: bool = False
-    """Whether the page is connected as a station."""
 
 
 class Pairing:
@@ -40,13 +39,16 @@ class Pairing:
         """Accept this random code from now on, in the place of any earlier one."""
         self._code, self._code_ends_s = code, now_s + CODE_LIFETIME_S
 
-    def pair(self, code: str, token: str, now_s: float) -> Session | None:
+    def pair(
+        self, code: str, token: str, now_s: float, connected: Collection[Session] = ()
+    ) -> Session | None:
         """Exchange the code for a session.
 
         Args:
             code: what the page sent.
             token: a new random token, for the session.
             now_s: the present time.
+            connected: the sessions whose pages are connected, fewer than `MAX_SESSIONS`.
 
         Returns:
             the session; None if the code is wrong, was used or has expired.
@@ -55,7 +57,7 @@ class Pairing:
             return None
         self._code = ""
         if len(self._sessions) >= MAX_SESSIONS:
-            self._sessions.remove(next(one for one in self._sessions if not one.is_connected))
+            self._sessions.remove(next(one for one in self._sessions if one not in connected))
         session = Session(token, now_s + SESSION_LIFETIME_S)
         self._sessions.append(session)
         return session

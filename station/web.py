@@ -221,7 +221,7 @@ class Application:
         """
         now_s = self._clock()
         if hello.code and begins:
-            session = self._pairing.pair(hello.code, secrets.token_urlsafe(32), now_s)
+            session = self._pairing.pair(hello.code, secrets.token_urlsafe(32), now_s, self._runs)
         else:
             session = self._pairing.resume(hello.token, now_s)
         if session is None or not (begins or session in self._runs):
@@ -237,7 +237,6 @@ class Application:
         may_drive = self._driving is not None
         socket.show("welcome", {"station": self._name, "token": session.token, "may_drive": may_drive})
         run = self._runs[session] = self._relay.enter(socket)
-        session.is_connected = True
         self._say(f"{self._name}: a page is connected")
         try:
             while True:
@@ -253,7 +252,6 @@ class Application:
             self._relay.leave(run)
             if self._runs.get(session) is run:
                 del self._runs[session]
-                session.is_connected = False
             self._say(f"{self._name}: the connection to a page has ended")
 
     def _hear(self, session: Session, run: Run, message: EstopLease) -> None:

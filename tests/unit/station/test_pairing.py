@@ -11,6 +11,7 @@ from station.pairing import (
     MAX_SESSIONS,
     SESSION_LIFETIME_S,
     Pairing,
+    Session,
 )
 
 CODE = "abcdefghjkmn"
@@ -83,12 +84,12 @@ def test_a_session_too_many_ends_the_oldest() -> None:
 
 
 def test_a_session_too_many_ends_the_oldest_whose_page_is_not_connected() -> None:
-    pairing = Pairing()
+    pairing, connected = Pairing(), list[Session]()
     for number in range(MAX_SESSIONS + 1):
         pairing.offer(CODE, 0.0)
-        session = pairing.pair(CODE, f"token{number}", 0.0)
+        session = pairing.pair(CODE, f"token{number}", 0.0, connected)
         assert session is not None
-        session.is_connected = number < 2
+        connected += [session] if number < 2 else []
     resumed = [pairing.resume(f"token{number}", 0.0) is not None for number in range(MAX_SESSIONS + 1)]
     assert resumed == [True, True, False] + [True] * (MAX_SESSIONS - 2)
 
