@@ -67,10 +67,12 @@ class PlainSocket:
 
     def __init__(self) -> None:
         self._signs_s = list[float]()
+        self.connect = ""
+        """What a page evaluates to connect, and to say when it is hidden."""
 
     @asynccontextmanager
-    async def served(self) -> AsyncGenerator[str]:
-        """Listen on loopback; yield what a page evaluates to connect, and to say when it is hidden."""
+    async def served(self) -> AsyncGenerator[None]:
+        """Listen on loopback while the context is open."""
 
         async def take(socket: ServerConnection) -> None:
             with suppress(ConnectionClosed):
@@ -80,11 +82,12 @@ class PlainSocket:
 
         async with serve(take, "127.0.0.1", 0) as server:
             port = server.sockets[0].getsockname()[1]
-            yield f"""new Promise((resolve) => {{
+            self.connect = f"""new Promise((resolve) => {{
               window.plain = new WebSocket("ws://127.0.0.1:{port}");
               addEventListener("pagehide", () => window.plain.send("hidden"));
               window.plain.onopen = () => resolve(true);
             }})"""
+            yield
 
     def after_s(self, time_s: float) -> float | None:
         """Return the time from then to the first sign [s]; None if there was none yet."""
@@ -94,10 +97,9 @@ class PlainSocket:
 class Rig:
     """A robot in its warehouse, and the page that drives it. What an event ends is replaced before the next run."""
 
-    def __init__(self, subject: Robot, server: Server, plain: PlainSocket, connect: str) -> None:
+    def __init__(self, subject: Robot, server: Server, plain: PlainSocket) -> None:
         assert subject.bus is not None
-        self.robot, self._server = subject, server
-        self.plain, self._connect = plain, connect
+        self.robot, self._server, self.plain = subject, server, plain
         self.statuses = subject.bus.subscribe(topics.STATUS, depth=500)
         self._reference = subject.bus.publisher(topics.source_cmd_vel(REFERENCE))
         self.ending = AsyncExitStack()
@@ -124,7 +126,7 @@ class Rig:
         await self.tab.waits_for("document.body?.dataset.picture === 'true'")
         await takes(self.tab)
         await self.tab.waits_for("document.body.dataset.drives === 'true'")
-        await self.tab.evaluate(self._connect)
+        await self.tab.evaluate(self.plain.connect)
 
     async def ready(self) -> None:
         """Press Drive if the page does not drive, and reset until the robot is ready; a busy machine may stop it again."""
@@ -215,10 +217,10 @@ PARTS = (*ACTS, GAPS, DRIVE)
 async def rig(folder: Path) -> AsyncGenerator[Rig]:
     plain = PlainSocket()
     async with (
-        plain.served() as connect,
+        plain.served(),
         served(folder, topics.SUPERVISOR, topics.SIM, drives=True) as (subject, server),
     ):
-        made = Rig(subject, server, plain, connect)
+        made = Rig(subject, server, plain)
         try:
             await made.fresh_browser()
             yield made

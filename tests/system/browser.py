@@ -157,7 +157,8 @@ class Browser:
         target = (await self.do("Target.createTarget", url="about:blank"))["targetId"]
         attached = await self.do("Target.attachToTarget", targetId=target, flatten=True)
         tab = Tab(self, target, attached["sessionId"])
-        await tab.do("Page.setBypassCSP", enabled=any_server)
+        if any_server:
+            await tab.do("Page.setBypassCSP", enabled=True)
         await tab.do("Page.navigate", url=url)  # answers when the new document is there
         return tab
 

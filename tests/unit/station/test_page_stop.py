@@ -1,12 +1,10 @@
 """The button of the page, in JavaScript with a simple copy of a browser: what it sends, and when it can be released."""
 
-import json
-import subprocess
 from typing import Any
 
 import pytest
 
-from tests.unit.station.test_page_lease import NODE, PAGE
+from tests.unit.station.test_page_lease import in_node
 
 PROGRAM = """
 import { readFileSync } from "node:fs";
@@ -85,12 +83,7 @@ HELD: list[Step] = [["on", "release", "pointerdown"], ["pass", 1000], ["on", "re
 
 def run(*steps: Step) -> tuple[list[dict[str, Any]], bool, str]:
     """Return what was sent on the connection of the lease, whether the release is hidden, and the sentence of the page."""
-    node = [str(NODE), "--input-type=module", "--eval", PROGRAM]
-    done = subprocess.run(
-        node, cwd=PAGE, input=json.dumps(steps), capture_output=True, text=True, check=False, timeout=60
-    )
-    assert done.returncode == 0, done.stderr
-    return tuple(json.loads(done.stdout))
+    return tuple(in_node(PROGRAM, steps))
 
 
 def stops(sent: list[dict[str, Any]]) -> list[bool]:
