@@ -228,7 +228,8 @@ async def observing(config: BusConfig, limit_s: float) -> AsyncGenerator[Observe
         DeployError: the endpoint is invalid.
     """
     try:
-        bus = await asyncio.wait_for(open_bus(config, "client"), limit_s)
+        async with asyncio.timeout(limit_s):
+            bus = await open_bus(config, "client")
     except BusError as error:
         raise DeployError(str(error)) from error
     try:

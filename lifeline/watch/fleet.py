@@ -154,7 +154,8 @@ def _run(
     async def main(stop: asyncio.Event) -> int:
         try:
             proof = HubProof(config, note, must_connect=True) if stops else None
-            fleet = await asyncio.wait_for(open_fleet(config, proof), CONNECT_LIMIT_S)
+            async with asyncio.timeout(CONNECT_LIMIT_S):
+                fleet = await open_fleet(config, proof)
         except TimeoutError as error:
             await check_refusal(config)
             raise NotRunningError(f"no router or robot answers at {config.endpoint}") from error

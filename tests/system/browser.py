@@ -58,13 +58,10 @@ class Tab:
 
     async def shows(self, word: str, sentence: str = "") -> None:
         """Wait until the page shows a word, and a part of a sentence."""
-        shown = ""
-        try:
-            async with asyncio.timeout(LIMIT_S):
-                while not (shown.startswith(f"{word}|") and sentence in shown):
-                    shown = await self.evaluate(SHOWN)
-        except TimeoutError:
-            pytest.fail(f"the page shows {shown!r}")
+        started_s, shown = time.monotonic(), ""
+        while not (shown.startswith(f"{word}|") and sentence in shown):
+            assert time.monotonic() - started_s < LIMIT_S, f"the page shows {shown!r}"
+            shown = await self.evaluate(SHOWN)
 
     async def waits_for(self, condition: str, within_s: float = LIMIT_S) -> None:
         """Wait until an expression is true in the page."""
@@ -148,7 +145,8 @@ class Browser:
         return answer
 
     async def do(self, method: str, session: str = "", **parameters: object) -> dict[str, Any]:
-        message = await asyncio.wait_for(await self.send(method, session, **parameters), LIMIT_S)
+        async with asyncio.timeout(LIMIT_S):
+            message = await (await self.send(method, session, **parameters))
         assert "error" not in message, message
         return message["result"]
 
