@@ -209,7 +209,12 @@ def _idle(look: Look) -> str:
 def _estop(status: SafetyStatus) -> Iterator[tuple[str, Text]]:
     """Yield the rows about the e-stop, its record and its stations."""
     if ESTOP in status.causes_and_latched()[0]:
-        yield "e-stop", Text("latched until reset, even after a restart: press r in teleop to reset it")
+        yield (
+            "e-stop",
+            Text(
+                "latched until reset, even after a restart: press r in teleop, or Reset on the page that drives"
+            ),
+        )
     if status.estop_record_problem:
         yield "e-stop record", Text(printable(status.estop_record_problem), style="bold red")
     for station in status.estop_stations:
