@@ -144,9 +144,11 @@ class Page:
         await self.socket.send(json.dumps({"name": person}))
 
     async def send(self) -> None:
+        """Send the lease's next message; like a browser's websocket, a closed one sends nothing."""
         self.lease, message = sent(self.lease, next(CHALLENGES), asyncio.get_running_loop().time())
         numbers = {"challenge": str(message.challenge), "response": str(message.response)}
-        await self.socket.send(json.dumps(numbers | {"stop": message.stop}))
+        with suppress(ConnectionClosed):
+            await self.socket.send(json.dumps(numbers | {"stop": message.stop}))
 
     async def press(self) -> None:
         self.lease = pressed(self.lease, asyncio.get_running_loop().time())
