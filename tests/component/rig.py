@@ -96,11 +96,11 @@ class Rig:
 
     @asynccontextmanager
     async def sim(
-        self, plant: Plant, suspended_s: Callable[[], float] = never_suspended
+        self, plant: Plant, suspended_s: Callable[[], float] = never_suspended, config: SimSection = SIM
     ) -> AsyncGenerator[VirtualBus]:
         bus = self.network.open_joined(topics.SIM)
         stop = asyncio.Event()
-        running = asyncio.create_task(SimService(bus, SIM, plant, suspended_s=suspended_s).run(stop))
+        running = asyncio.create_task(SimService(bus, config, plant, suspended_s=suspended_s).run(stop))
         try:
             yield bus
         finally:

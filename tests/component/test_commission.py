@@ -20,7 +20,6 @@ from sim.lidar_config import SimLidarSection
 from sim.messages import to_odometry
 from sim.motion_sensors import EncoderConfig, Reckoning
 from sim.plant import Plant
-from sim.service import SimService
 from supervisor.config import LidarSection, SupervisorSection
 from tests.component.rig import Rig
 from wire import topics
@@ -131,16 +130,9 @@ async def first_drive(
     for name, value in base.items():
         setattr(plant, name, value)
     bus, stop = rig.network.open_joined("path"), asyncio.Event()
-    async with rig.supervisor(config):
-        serving = asyncio.create_task(SimService(rig.network.open_joined(topics.SIM), sim, plant).run(stop))
-        lidar = config.all_lidars()[0]
-        try:
-            yield FirstDrive(
-                rig, plant, person, file, Conductor(bus, person, file, config, lidar, "path"), stop
-            )
-        finally:
-            stop.set()
-            await serving
+    conductor = Conductor(bus, person, file, config, config.all_lidars()[0], "path")
+    async with rig.supervisor(config), rig.sim(plant, config=sim):
+        yield FirstDrive(rig, plant, person, file, conductor, stop)
 
 
 async def until(drive: FirstDrive, running: asyncio.Task[int], holds: Callable[[], bool]) -> None:

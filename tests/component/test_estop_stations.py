@@ -89,6 +89,16 @@ async def robot(
         yield bus
 
 
+@asynccontextmanager
+async def driving(config: SupervisorSection = DOOR) -> AsyncGenerator[tuple[Rig, Person]]:
+    """A robot that drives at 0.5 m/s while its station is heard."""
+    rig = Rig()
+    async with robot(rig, config), station(rig) as person:
+        await rig.pass_time(0.5)
+        await rig.drive(0.5)
+        yield rig, person
+
+
 async def stop_time_s(rig: Rig, since_s: float, limit_s: float = 2.0) -> float:
     """Return the time from then to the first zero."""
     await rig.pass_time(limit_s)
@@ -123,10 +133,7 @@ async def test_the_robot_stands_until_its_station_is_heard_and_both_know_it() ->
 
 @pytest.mark.parametrize("seconds", [20, pytest.param(120, marks=pytest.mark.proof)])
 async def test_the_presence_of_a_station_stops_nothing(seconds: int) -> None:
-    rig = Rig()
-    async with robot(rig), station(rig) as person:
-        await rig.pass_time(0.5)
-        await rig.drive(0.5)
+    async with driving() as (rig, person):
         for _ in range(seconds // 10):
             rig.cmd_vel.take()
             await rig.pass_time(10.0)
@@ -136,10 +143,7 @@ async def test_the_presence_of_a_station_stops_nothing(seconds: int) -> None:
 
 
 async def test_a_station_whose_terminal_loses_the_focus_stops_nothing_and_any_key_still_does() -> None:
-    rig = Rig()
-    async with robot(rig), station(rig) as person:
-        await rig.pass_time(0.5)
-        await rig.drive(0.5)
+    async with driving() as (rig, person):
         person.type(FOCUS_OUT)
         await rig.pass_time(1.0)
         assert person.word is Word.HEARD
@@ -171,10 +175,7 @@ async def test_a_killed_station_stops_the_robot_by_its_token_and_stays_latched_u
 
 
 async def test_a_stopped_station_stops_the_robot_when_its_lease_ends() -> None:
-    rig = Rig()
-    async with robot(rig), station(rig) as person:
-        await rig.pass_time(0.5)
-        await rig.drive(0.5)
+    async with driving() as (rig, person):
         stopped_s = rig.loop.time()
         rig.network.cut("door station")
         assert LEASE_S - 0.06 < await stop_time_s(rig, stopped_s) < LEASE_S + 0.001
@@ -184,10 +185,7 @@ async def test_a_stopped_station_stops_the_robot_when_its_lease_ends() -> None:
 
 @pytest.mark.parametrize(("up", "down"), [(True, False), (False, True)])
 async def test_one_direction_of_the_link_that_is_cut_ends_the_lease_too(up: bool, down: bool) -> None:  # noqa: FBT001 - parameters of the test
-    rig = Rig()
-    async with robot(rig), station(rig) as person:
-        await rig.pass_time(0.5)
-        await rig.drive(0.5)
+    async with driving() as (rig, person):
         cut_s = rig.loop.time()
         rig.network.cut("door station", up=up, down=down)
         assert await stop_time_s(rig, cut_s) < LEASE_S + TICK_S
@@ -196,10 +194,7 @@ async def test_one_direction_of_the_link_that_is_cut_ends_the_lease_too(up: bool
 
 
 async def test_the_backlog_of_a_stalled_link_does_not_bring_a_station_back() -> None:
-    rig = Rig()
-    async with robot(rig), station(rig):
-        await rig.pass_time(0.5)
-        await rig.drive(0.5)
+    async with driving() as (rig, _):
         rig.network.lease_s = 10.0  # the connection outlives the cut
         rig.network.cut("door station", up=True, down=False)
         await rig.pass_time(1.0)
@@ -236,10 +231,7 @@ async def test_a_replay_of_recorded_messages_does_not_keep_a_dead_station_alive(
 
 
 async def test_a_press_stops_at_once_and_the_button_must_be_released_before_the_reset() -> None:
-    rig = Rig()
-    async with robot(rig), station(rig) as person:
-        await rig.pass_time(0.5)
-        await rig.drive(0.5)
+    async with driving() as (rig, person):
         pressed_s = rig.loop.time()
         person.type("k")
         assert await stop_time_s(rig, pressed_s) < 0.001
@@ -257,10 +249,7 @@ async def test_a_press_stops_at_once_and_the_button_must_be_released_before_the_
 
 
 async def test_a_press_gets_through_a_link_that_loses_nine_of_ten_messages() -> None:
-    rig = Rig()
-    async with robot(rig, section(door=False)), station(rig) as person:
-        await rig.pass_time(0.5)
-        await rig.drive(0.5)
+    async with driving(section(door=False)) as (rig, person):
         for conditions in rig.network.link("door station"):
             conditions.loss = 0.9
         person.type(" ")
@@ -269,10 +258,7 @@ async def test_a_press_gets_through_a_link_that_loses_nine_of_ten_messages() -> 
 
 
 async def test_a_press_counts_although_the_message_on_estop_is_lost() -> None:
-    rig = Rig()
-    async with robot(rig), station(rig) as person:
-        await rig.pass_time(0.5)
-        await rig.drive(0.5)
+    async with driving() as (rig, person):
         up, _ = rig.network.link("door station")
         up.loss = 1.0
         person.type(" ")

@@ -5,7 +5,7 @@ A file descriptor cannot be watched in virtual time: these tests run in a real l
 
 import asyncio
 import time
-from collections.abc import AsyncGenerator, Awaitable, Callable, Sequence
+from collections.abc import AsyncGenerator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -18,10 +18,10 @@ from teleop.gamepad import pad as gamepad
 from teleop.gamepad.device import Device, GamepadDevice
 from teleop.gamepad.pad import Gamepad
 from teleop.pilots.config import GamepadSection
-from teleop.pilots.pilot import KeyEvent
 from teleop.screen.display import render
 from teleop.screen.view import Control, Line, View
 from teleop.service import HANG_S, Setup, Teleop
+from tests.component.test_teleop_service import Keys, PaperScreen
 from tests.unit.teleop.pads import LAYOUT, REPORT, TL, XBOX360, FakeDevice, Y, button, load_pad, stick
 from virtual.network import VirtualNetwork
 from wire import topics
@@ -32,44 +32,6 @@ SOURCE = "joy"
 PATIENCE_S = 10.0
 UP = -32768
 ZERO, HALF = (0.0, 0.0), (0.5, 0.0)
-
-
-class Keys:
-    """A keyboard for the test to press."""
-
-    def __init__(self, wake: asyncio.Event) -> None:
-        self._wake = wake
-        self._pressed: list[KeyEvent] = []
-        self.ended = False
-
-    def press(self, key: str) -> None:
-        self._pressed.append(KeyEvent(key))
-        self._wake.set()
-
-    def take(self) -> list[KeyEvent]:
-        pressed, self._pressed = self._pressed, []
-        return pressed
-
-
-class PaperScreen:
-    """A terminal that keeps the notes."""
-
-    size = (120, 24)
-
-    def __init__(self) -> None:
-        self.notes: list[str] = []
-
-    def show(self, lines: Sequence[Line]) -> bool:
-        return bool(lines)
-
-    def note(self, text: str) -> None:
-        self.notes.append(text)
-
-    def bell(self) -> None: ...
-
-    def doubt(self) -> None: ...
-
-    def suspend(self) -> None: ...
 
 
 class Bench:

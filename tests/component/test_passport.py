@@ -17,7 +17,6 @@ from passport.injection import Operator
 from passport.measure import Measurement, Orders, Robot
 from passport.record import Cell, Passport, Run, from_json
 from sim.config import SimSection
-from sim.service import SimService
 from supervisor.config import SupervisorSection
 from teleop.pilots.pilot import NEUTRAL, Velocity
 from tests.component.rig import Rig
@@ -133,14 +132,8 @@ async def site(directory: Path) -> AsyncGenerator[Site]:
     sections = read_robot(read_toml(file), simulated=False)
     config = sections[SupervisorSection]
     robot = Robot(file, Launch.read(file, None), sections, config.all_lidars()[0])
-    stop = asyncio.Event()
-    async with rig.supervisor(config):
-        serving = asyncio.create_task(SimService(rig.network.open_joined(topics.SIM), SIM, plant).run(stop))
-        try:
-            yield Site(rig, plant, directory / "passport.json", robot, StateDir(directory))
-        finally:
-            stop.set()
-            await serving
+    async with rig.supervisor(config), rig.sim(plant, config=SIM):
+        yield Site(rig, plant, directory / "passport.json", robot, StateDir(directory))
 
 
 SEEN = (Fault.OPERATOR_KILLED, Fault.LIDAR_SILENT, Fault.ODOMETRY_SILENT, Fault.ESTOP)

@@ -103,7 +103,7 @@ class Operator:
     """A teleop that sends on its beat, and once more at each key."""
 
     def __init__(self, rig: Rig) -> None:
-        self._bus = rig.network.open_joined(topics.TELEOP)
+        self._rig, self._bus = rig, rig.network.open_joined(topics.TELEOP)
         self._cmd_vel = self._bus.publisher(topics.source_cmd_vel(topics.TELEOP))
         self.velocity = (0.0, 0.0)
 
@@ -114,23 +114,8 @@ class Operator:
     @asynccontextmanager
     async def beating(self) -> AsyncGenerator["Operator"]:
         self._bus.declare_alive(topics.TELEOP)
-        beat = every(BEAT_S, lambda: self._cmd_vel.put(planar_twist(*self.velocity)))
-        async with beat:
+        async with self._rig.every(BEAT_S, lambda: self._cmd_vel.put(planar_twist(*self.velocity))):
             yield self
-
-
-@asynccontextmanager
-async def every(period_s: float, act: Callable[[], object]) -> AsyncGenerator[None]:
-    async def repeat() -> None:
-        while True:
-            act()
-            await asyncio.sleep(period_s)
-
-    task = asyncio.create_task(repeat())
-    try:
-        yield
-    finally:
-        task.cancel()
 
 
 def hang(seconds: float) -> None:
@@ -240,7 +225,7 @@ async def test_odometry_that_falls_silent_or_is_no_number_pauses_the_path(x_m: f
         if said[0] is not None:
             odom.put(odometry((said[0], 0.0, 0.0), (0.0, 0.0)))
 
-    async with rig.supervisor(), rig.lidar(), every(0.02, tell), driving(rig, here(square(1.0))) as run:
+    async with rig.supervisor(), rig.lidar(), rig.every(0.02, tell), driving(rig, here(square(1.0))) as run:
         await run.until(lambda: run.listen() and not run.asks_for_nothing)
         said[0] = x_m
         await run.paused("the odometry is silent")
@@ -253,7 +238,7 @@ async def test_a_robot_whose_wheels_spin_on_the_spot_pauses_the_path() -> None:
     def spin() -> None:
         odom.put(odometry((0.0, 0.0, 0.0), rig.output()))
 
-    async with rig.supervisor(), rig.lidar(), every(0.02, spin), driving(rig, here(square(1.0))) as run:
+    async with rig.supervisor(), rig.lidar(), rig.every(0.02, spin), driving(rig, here(square(1.0))) as run:
         await run.until(lambda: run.listen() and not run.asks_for_nothing)
         await rig.pass_time(HEADWAY_S - 0.2)
         assert not run.asks_for_nothing
@@ -267,7 +252,7 @@ async def test_a_base_that_stands_whatever_is_commanded_pauses_the_path() -> Non
     def stand() -> None:
         odom.put(odometry((0.0, 0.0, 0.0), (0.0, 0.0)))
 
-    async with rig.supervisor(), rig.lidar(), every(0.02, stand), driving(rig, here(square(1.0))) as run:
+    async with rig.supervisor(), rig.lidar(), rig.every(0.02, stand), driving(rig, here(square(1.0))) as run:
         await run.paused("STOPPED: BASE_UNRESPONSIVE")
 
 
@@ -296,7 +281,7 @@ async def test_a_hang_of_its_own_pauses_the_path() -> None:
         odom.put(odometry((0.0, 0.0, 0.0), (0.0, 0.0)))
         statuses.put(SafetyStatus(header(""), mode=SafetyStatus.READY, owner="path", sources=[own]))
 
-    async with every(0.02, tell), driving(rig, here(square(1.0))) as run:
+    async with rig.every(0.02, tell), driving(rig, here(square(1.0))) as run:
         await run.until(lambda: run.listen() and not run.asks_for_nothing)
         hang(0.1)
         await rig.pass_time(0.3)

@@ -2,6 +2,8 @@
 
 import asyncio
 import time
+from collections.abc import AsyncGenerator, Mapping
+from contextlib import asynccontextmanager
 
 import pytest
 
@@ -22,6 +24,17 @@ B = Endpoint("/b", TWIST, b"b process   " + b"0001")
 TELEOP_KEY = topics.source_cmd_vel("teleop").key
 
 
+@asynccontextmanager
+async def supervised(
+    source: Mapping[str, object], *, stamped: bool = False, stamp: str | None = None
+) -> AsyncGenerator[Ros2Robot]:
+    """A robot with a supervisor; one program publishes for its source."""
+    robot = Ros2Robot(source, stamped=stamped, stamp=stamp)
+    robot.discover(A)
+    async with robot.rig.supervisor(), robot.running():
+        yield robot
+
+
 def served(robot: Ros2Robot) -> bool:
     return "teleop" in robot.session.bus.own
 
@@ -37,9 +50,7 @@ async def test_without_a_supervisor_zero_is_published_50_times_a_second() -> Non
 
 
 async def test_the_supervisors_commands_are_published_once_each_while_the_robot_drives() -> None:
-    robot = Ros2Robot(STEADY)
-    robot.discover(A)
-    async with robot.rig.supervisor(), robot.running():
+    async with supervised(STEADY) as robot:
         await robot.drive()
         outputs = await robot.pass_time(2.0)
         assert set(outputs) == {(0.5, 0.0)}
@@ -79,9 +90,7 @@ async def test_a_silent_supervisor_with_a_token_stops_the_robot_after_the_timeou
 
 
 async def test_a_flapping_token_of_the_supervisor_stops_the_robot_until_its_next_command() -> None:
-    robot = Ros2Robot(STEADY)
-    robot.discover(A)
-    async with robot.rig.supervisor(), robot.running():
+    async with supervised(STEADY) as robot:
         await robot.drive()
         robot.rig.network.flap(topics.SUPERVISOR)
         outputs = await robot.pass_time(0.2)
@@ -90,9 +99,7 @@ async def test_a_flapping_token_of_the_supervisor_stops_the_robot_until_its_next
 
 
 async def test_after_a_suspend_nothing_of_before_moves_the_robot() -> None:
-    robot = Ros2Robot(STEADY)
-    robot.discover(A)
-    async with robot.rig.supervisor(), robot.running():
+    async with supervised(STEADY) as robot:
         await robot.drive()
         robot.suspended_s = 60.0
         outputs = await robot.pass_time(0.16)
@@ -155,9 +162,7 @@ async def test_a_source_is_alive_exactly_while_one_program_publishes() -> None:
 
 
 async def test_of_two_programs_none_is_obeyed_and_both_are_named() -> None:
-    robot = Ros2Robot(STEADY)
-    robot.discover(A)
-    async with robot.rig.supervisor(), robot.running():
+    async with supervised(STEADY) as robot:
         await robot.drive()
         robot.discover(A, B)
         await robot.pass_time(0.05)
@@ -175,9 +180,7 @@ async def test_of_two_programs_none_is_obeyed_and_both_are_named() -> None:
 
 async def test_another_program_in_the_place_of_the_first_is_another_source() -> None:
     """As if one publisher was destroyed and another one created between two looks."""
-    robot = Ros2Robot(KEYBOARD)
-    robot.discover(A)
-    async with robot.rig.supervisor(), robot.running():
+    async with supervised(KEYBOARD) as robot:
         await robot.pass_time(1.0)
         assert robot.rig.newest_status.reasons == []
         changes = robot.rig.outsider.watch_alive()
@@ -215,9 +218,7 @@ async def test_a_steady_program_passes_with_its_own_stamps() -> None:
 
 
 async def test_a_held_key_drives_and_the_robot_stops_after_its_release() -> None:
-    robot = Ros2Robot(KEYBOARD)
-    robot.discover(A)
-    async with robot.rig.supervisor(), robot.running():
+    async with supervised(KEYBOARD) as robot:
         await robot.pass_time(1.2)
         assert robot.rig.newest_status.reasons == []
         robot.say(0.5)  # the first event of a run proves nothing yet
@@ -236,9 +237,7 @@ async def test_a_held_key_drives_and_the_robot_stops_after_its_release() -> None
 
 
 async def test_a_burst_of_old_key_events_moves_nothing() -> None:
-    robot = Ros2Robot(KEYBOARD)
-    robot.discover(A)
-    async with robot.rig.supervisor(), robot.running():
+    async with supervised(KEYBOARD) as robot:
         await robot.pass_time(1.2)
         robot.say(0.5)
         await robot.pass_time(0.5)
@@ -250,9 +249,7 @@ async def test_a_burst_of_old_key_events_moves_nothing() -> None:
 
 
 async def test_a_process_that_hangs_does_not_arm_a_streaming_program() -> None:
-    robot = Ros2Robot(KEYBOARD)
-    robot.discover(A)
-    async with robot.rig.supervisor(), robot.running():
+    async with supervised(KEYBOARD) as robot:
         await robot.pass_time(1.2)
         robot.say(0.5)
         await robot.pass_time(0.5)
@@ -270,10 +267,8 @@ async def test_a_process_that_hangs_does_not_arm_a_streaming_program() -> None:
 
 
 async def test_a_killed_program_of_a_wrapper_stops_the_robot_at_once_and_its_next_run_drives() -> None:
-    robot = Ros2Robot(STEADY)
-    robot.discover(A)
-    wrapper = robot.rig.network.open_joined("exec")
-    async with robot.rig.supervisor(), robot.running():
+    async with supervised(STEADY) as robot:
+        wrapper = robot.rig.network.open_joined("exec")
         token = wrapper.declare_alive(f"teleop{topics.EXEC_SUFFIX}")
         wrapper.declare_alive(f"unknown{topics.EXEC_SUFFIX}")
         await robot.drive()
@@ -289,10 +284,8 @@ async def test_a_killed_program_of_a_wrapper_stops_the_robot_at_once_and_its_nex
 
 
 async def test_a_program_of_a_wrapper_is_served_again_after_the_hub_was_lost() -> None:
-    robot = Ros2Robot(STEADY)
-    robot.discover(A)
-    wrapper = robot.rig.network.open_joined("exec")
-    async with robot.rig.supervisor(), robot.running():
+    async with supervised(STEADY) as robot:
+        wrapper = robot.rig.network.open_joined("exec")
         wrapper.declare_alive(f"teleop{topics.EXEC_SUFFIX}")
         await robot.drive()
         robot.rig.network.flap(f"teleop{topics.EXEC_SUFFIX}")
@@ -308,9 +301,7 @@ async def test_a_program_of_a_wrapper_is_served_again_after_the_hub_was_lost() -
 
 
 async def test_arm_sends_one_neutral_for_a_program_that_never_does() -> None:
-    robot = Ros2Robot(REQUESTED)
-    robot.discover(A)
-    async with robot.rig.supervisor(), robot.running():
+    async with supervised(REQUESTED) as robot:
         robot.velocity = (0.5, 0.0)
         assert set(await robot.pass_time(2.0)) == {STANDSTILL}
         assert await robot.request("/lifeline/arm") == (True, "sent zero velocity for teleop")
@@ -544,10 +535,8 @@ async def drive_stamped(robot: Ros2Robot) -> None:
 
 
 async def test_a_base_with_another_clock_gets_its_own_time() -> None:
-    robot = Ros2Robot(STEADY, stamped=True)
-    robot.discover(A)
-    robot.base_ahead_s = AHEAD_S
-    async with robot.rig.supervisor(), robot.running():
+    async with supervised(STEADY, stamped=True) as robot:
+        robot.base_ahead_s = AHEAD_S
         await drive_stamped(robot)
         assert stamps_s(robot)[-1] == pytest.approx(AHEAD_S, abs=1.0)
         await robot.pass_time(1.0)
@@ -557,10 +546,8 @@ async def test_a_base_with_another_clock_gets_its_own_time() -> None:
 
 @pytest.mark.parametrize("stamp", ["zero", "now"])
 async def test_the_stamp_of_commands_can_be_chosen(stamp: str) -> None:
-    robot = Ros2Robot(STEADY, stamped=True, stamp=stamp)
-    robot.discover(A)
-    robot.base_ahead_s = AHEAD_S
-    async with robot.rig.supervisor(), robot.running():
+    async with supervised(STEADY, stamped=True, stamp=stamp) as robot:
+        robot.base_ahead_s = AHEAD_S
         await drive_stamped(robot)
         if stamp == "zero":
             assert all(cdr.header_ns_of(payload) == 0 for payload in robot.node.published[CMD_VEL])
@@ -572,10 +559,8 @@ async def test_the_stamp_of_commands_can_be_chosen(stamp: str) -> None:
 
 
 async def test_a_step_of_the_bases_clock_stops_the_robot_until_a_neutral_command() -> None:
-    robot = Ros2Robot(STEADY, stamped=True)
-    robot.discover(A)
-    robot.base_ahead_s = AHEAD_S
-    async with robot.rig.supervisor(), robot.running():
+    async with supervised(STEADY, stamped=True) as robot:
+        robot.base_ahead_s = AHEAD_S
         await drive_stamped(robot)
         robot.base_ahead_s = 0.0
         outputs = await robot.pass_time(5.0)

@@ -72,6 +72,17 @@ async def server(rig: Rig, *, joins: bool = True) -> AsyncGenerator[Relay]:
         await running
 
 
+@asynccontextmanager
+async def driving() -> AsyncGenerator[tuple[Rig, Relay, Phone]]:
+    """A robot that drives at 0.5 m/s while its station's page is heard."""
+    rig = Rig()
+    async with robot(rig), server(rig) as relay:
+        phone = Phone(rig, relay)
+        await rig.pass_time(0.5)
+        await rig.drive(0.5)
+        yield rig, relay, phone
+
+
 async def test_a_page_is_heard_and_the_robot_drives_while_it_answers() -> None:
     rig = Rig()
     async with robot(rig), server(rig) as relay:
@@ -87,11 +98,7 @@ async def test_a_page_is_heard_and_the_robot_drives_while_it_answers() -> None:
 
 
 async def test_a_page_that_hangs_ends_the_lease_because_the_server_repeats_nothing() -> None:
-    rig = Rig()
-    async with robot(rig), server(rig) as relay:
-        phone = Phone(rig, relay)
-        await rig.pass_time(0.5)
-        await rig.drive(0.5)
+    async with driving() as (rig, _, phone):
         hung_s = rig.loop.time()
         phone.hangs = True
         assert LEASE_S - 0.06 < await stop_time_s(rig, hung_s) < LEASE_S + 0.001
@@ -105,11 +112,7 @@ async def test_a_page_that_hangs_ends_the_lease_because_the_server_repeats_nothi
 
 
 async def test_a_page_whose_connection_ends_stops_the_robot_at_once_and_a_new_one_is_another_run() -> None:
-    rig = Rig()
-    async with robot(rig), server(rig) as relay:
-        phone = Phone(rig, relay)
-        await rig.pass_time(0.5)
-        await rig.drive(0.5)
+    async with driving() as (rig, relay, phone):
         left_s = rig.loop.time()
         phone.leave()
         assert await stop_time_s(rig, left_s) < 0.004
@@ -143,11 +146,7 @@ async def test_a_server_that_dies_stops_the_robot_at_once() -> None:
 
 
 async def test_a_press_stops_at_once_and_only_its_release_permits_the_reset() -> None:
-    rig = Rig()
-    async with robot(rig), server(rig) as relay:
-        phone = Phone(rig, relay)
-        await rig.pass_time(0.5)
-        await rig.drive(0.5)
+    async with driving() as (rig, _, phone):
         pressed_s = rig.loop.time()
         phone.press()
         assert await stop_time_s(rig, pressed_s) < 0.004
@@ -277,11 +276,7 @@ async def test_before_the_supervisor_runs_a_page_waits_and_its_press_counts_late
 
 @pytest.mark.parametrize("is_stop_lost", [False, True])
 async def test_a_press_is_repeated_by_the_page_until_a_status_shows_it(is_stop_lost: bool) -> None:  # noqa: FBT001 - a parameter of the test
-    rig = Rig()
-    async with robot(rig), server(rig) as relay:
-        phone = Phone(rig, relay)
-        await rig.pass_time(0.5)
-        await rig.drive(0.5)
+    async with driving() as (rig, _, phone):
         if is_stop_lost:
             rig.network.cut("page server", up=True, down=False)
         phone.press()

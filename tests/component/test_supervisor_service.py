@@ -16,6 +16,7 @@ from supervisor.law.model import Inputs
 from supervisor.law.reckoning import Velocity
 from supervisor.law.state import State
 from tests.component.rig import Rig, laser_scan
+from tests.scan_stamps import PROBLEMS, SECOND_NS, STAMPS
 from virtual.loop import VirtualLoop
 from virtual.network import HOP_S
 from wire import topics
@@ -520,39 +521,22 @@ async def test_odometry_that_is_not_finite_displaces_none_and_is_no_writer() -> 
         assert rig.newest_status.reasons == []
 
 
-def _slow_ns(now_s: float) -> int:
-    return round(1.7e18 + 0.9e9 * now_s)
-
-
-def _whole_ns(now_s: float) -> int:
-    return int(1.7e9 + now_s) * 1_000_000_000
-
-
-def _constant_ns(_: float) -> int:
-    return 1_700_000_000_500_000_000
-
-
-@pytest.mark.parametrize(
-    ("stamp_ns", "problem"),
-    [
-        (_slow_ns, "run at 0.90 of real time, or their delay grows"),
-        (_whole_ns, "are whole seconds"),
-        (_constant_ns, "do not change"),
-    ],
-)
+@pytest.mark.parametrize("stamps", STAMPS)
 async def test_scans_whose_headers_do_not_run_like_real_time_are_stale_for_a_reason_that_is_named(
-    stamp_ns: Callable[[float], int], problem: str
+    stamps: str,
 ) -> None:
     rig = Rig()
     lidar, jitter = rig.network.open_joined("bridge"), itertools.cycle((0.0, 1e-4))
 
     def put() -> None:
         scan = laser_scan(np.full(360, 3.0) + next(jitter))
-        scan.header.stamp = Time(*divmod(stamp_ns(rig.loop.time()), 1_000_000_000))
+        now_ns = round((1.7e9 + rig.loop.time()) * SECOND_NS)
+        scan.header.stamp = Time(*divmod(STAMPS[stamps](now_ns), SECOND_NS))
         lidar.send(topics.SCAN.key, encode(scan), None)
 
     async with rig.supervisor(), rig.source(), rig.every(0.05, put):
         await rig.pass_time(6.7)
         status = rig.newest_status
     assert status.causes == ["SCAN_STALE"]
-    assert status.detail == f"the stamps of the lidar's scans {problem}"
+    more = ", or their delay grows" if stamps == "slow" else ""
+    assert status.detail == f"the stamps of the lidar's scans {PROBLEMS[stamps]}{more}"

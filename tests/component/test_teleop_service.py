@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import AsyncGenerator, Sequence
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, cast
 
@@ -17,10 +18,11 @@ from teleop.screen.controls import help_lines, key_help
 from teleop.screen.display import render
 from teleop.screen.view import Control, Line, View
 from teleop.service import IGNORED_PERIOD_S, MIN_GAP_S, RESET_TIMEOUT_S, SCREEN_LIMIT_S, Setup, Teleop
+from tests.unit.teleop.views import source
 from virtual.loop import VirtualLoop
 from virtual.network import VirtualNetwork
 from wire import topics
-from wire.messages import SafetyStatus, SourceStatus, Time, TriggerResponse, encode, header
+from wire.messages import SafetyStatus, Time, TriggerResponse, encode, header
 from wire.stamp import Stamp
 
 CMD_VEL = topics.source_cmd_vel("teleop")
@@ -763,7 +765,7 @@ async def test_a_second_teleop_is_shown_who_holds_the_name_and_disturbs_nobody()
     wire = Wire()
     async with bench(wire=wire) as first:
         await first.press("w")
-        status = [_source("teleop"), _source("joy"), _source("path")]
+        status = [source("teleop"), source("joy"), source("path")]
         first.tell(SafetyStatus.DRIVING, sources=status)
         said = len(wire.commands())
         async with bench(wire=wire) as second:
@@ -776,24 +778,6 @@ async def test_a_second_teleop_is_shown_who_holds_the_name_and_disturbs_nobody()
         assert not first.running.done()
         assert wire.alive() == ["teleop"]
         assert {value for _, value in wire.commands()[said:]} == {(0.1, 0.0)}
-
-
-def _source(name: str, refused_epoch: int = 0) -> SourceStatus:
-    return SourceStatus(
-        name,
-        priority=1,
-        liveliness=SourceStatus.ALIVE,
-        armed=True,
-        neutral=True,
-        stamped=True,
-        age_s=0.0,
-        reasons=[],
-        accepted=0,
-        refused_late=0,
-        refused_sequence=0,
-        refused_epoch=refused_epoch,
-        refused_invalid=0,
-    )
 
 
 @pytest.mark.parametrize("count", [2, 3, 5])
@@ -876,8 +860,9 @@ async def test_keys_typed_before_the_name_is_ours_move_nothing_but_can_stop_and_
 async def test_a_rival_with_the_same_name_stops_this_one_and_is_reported_once() -> None:
     async with bench() as b:
         await b.press("w")
+        joy = replace(source("joy"), refused_epoch=99)
         for refused in (0, 3, 6):
-            b.tell(SafetyStatus.DRIVING, sources=[_source("joy", 99), _source("teleop", refused)])
+            b.tell(SafetyStatus.DRIVING, sources=[joy, replace(source("teleop"), refused_epoch=refused)])
             await asyncio.sleep(0.1)
         assert b.velocity() == (0.0, 0.0)
         assert [
@@ -941,7 +926,7 @@ class AnsweringSupervisor:
             SafetyStatus(
                 header("base_link", 0),
                 mode=SafetyStatus.READY,
-                sources=[_source("teleop")],
+                sources=[source("teleop")],
                 source_times=times,
             )
         )
@@ -1130,13 +1115,13 @@ async def test_a_teleop_that_is_refused_although_nobody_else_is_heard_begins_ane
     async with bench() as b:
         for refused in range(6):
             await b.press("w")
-            b.tell(SafetyStatus.STOPPED, sources=[_source("teleop", refused)])
+            b.tell(SafetyStatus.STOPPED, sources=[replace(source("teleop"), refused_epoch=refused)])
             await asyncio.sleep(0.1)
         assert b.velocity() == (0.0, 0.0)
         assert len(b.wire.epochs) == 2
         assert "starts again" in b.screen.notes[-1]
         for _ in range(6):
-            b.tell(SafetyStatus.READY, sources=[_source("teleop", refused_epoch=5)])
+            b.tell(SafetyStatus.READY, sources=[replace(source("teleop"), refused_epoch=5)])
             await asyncio.sleep(0.1)
         await b.press("w")
         assert (b.velocity(), len(b.wire.epochs)) == ((0.1, 0.0), 2)

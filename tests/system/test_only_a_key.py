@@ -20,7 +20,6 @@ from tests.system.operators import (
     ZERO,
     Hub,
     Operator,
-    drive_after_estop,
     driving,
     free_endpoint,
     hold_down,
@@ -311,19 +310,6 @@ async def test_a_key_of_another_terminal_moves_nothing_if_a_slow_link_cuts_it(
         answered = op.answered
         await until(lambda: op.answered >= answered + 5)
         assert set(h.velocities[seen:]) == {ZERO}
-
-
-CTRL_SPACES = (b"\0", b"\x1b[27;5;32~", b"\x1b[32;5u", b"\x1b[32;57;32;1;8;1_")
-
-
-@pytest.mark.smoke
-async def test_ctrl_space_is_the_emergency_stop_in_each_coding() -> None:
-    async with driving() as (h, op):
-        for space in CTRL_SPACES:
-            op.type(space)
-            await until(h.got_estop)
-            await until(lambda: h.asks(*ZERO))
-            await drive_after_estop(h, op)
 
 
 @pytest.mark.parametrize("key", [b"\x1b[1;5R", b"\x1b[1;2R", b"\x1bOR"], ids=["Ctrl-F3", "Shift-F3", "F3"])

@@ -143,13 +143,14 @@ async def test_keys_that_are_typed_over_a_slow_link_to_the_terminal_all_count() 
             await press(lambda: op.type(b"s"), lambda: h.asks(*ZERO))
 
 
-SPACES = (b"\xc2\xa0", b"\xe3\x80\x80", b"\xe2\x80\xaf", b"\xa0", b"\x1b[160;4u", b"\0")
+SPACES = (b"\xc2\xa0", b"\xe3\x80\x80", b"\xe2\x80\xaf", b"\xa0", b"\x1b[160;4u")
+CTRL_SPACES = (b"\0", b"\x1b[27;5;32~", b"\x1b[32;5u", b"\x1b[32;57;32;1;8;1_")
 
 
 @pytest.mark.smoke
-async def test_every_kind_of_space_is_the_emergency_stop() -> None:
+async def test_every_kind_of_space_and_ctrl_space_in_each_coding_is_the_emergency_stop() -> None:
     async with driving() as (h, op):
-        for space in SPACES:
+        for space in (*SPACES, *CTRL_SPACES):
             op.type(space)
             await until(h.got_estop)
             await until(lambda: h.asks(*ZERO))

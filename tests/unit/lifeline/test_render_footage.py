@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +17,14 @@ from recordings.record import Recorded
 from recordings.recording import RecordingWriter
 from sim import mj
 from sim.config import Build
-from sim.messages import Health, to_diagnostics
+from sim.messages import to_diagnostics
 from sim.overlay import Mode
-from sim.pace import Measured
 from sim.plant import Plant, Pose
-from sim.sensor_faults import NO_FAULTS
 from tests.unit.recordings.test_incident_summary import lost_at
+from tests.unit.sim.test_diagnostics import WELL
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S
 from wire.messages import Message, SafetyStatus, encode, header, laser_scan, odometry
 from wire.topics import DIAGNOSTICS, ODOM, SCAN, STATUS, TRUTH, Topic
-from wire.watchdog import BaseReason
 
 LAUNCH = Launch.read(None, None)
 Told = tuple[float, Topic[Any], Message]
@@ -53,19 +52,8 @@ def at(time_s: float, x_m: float, y_m: float = 0.0, yaw_rad: float = 0.0, topic:
 
 
 def seen(time_s: float, walker: Pose, pillar: tuple[float, float] | None = None) -> Told:
-    health = Health(
-        base=BaseReason.OK,
-        touches=False,
-        collisions=0,
-        last_contact=None,
-        time_s=time_s,
-        speed=1.0,
-        paused=False,
-        measured=Measured(1.0, 0.0),
-        faults=NO_FAULTS,
-        movers={"walker": walker} | ({} if pillar is None else {"pillar": Pose(*pillar, 0.0)}),
-    )
-    return time_s, DIAGNOSTICS, to_diagnostics(health)
+    movers = {"walker": walker} | ({} if pillar is None else {"pillar": Pose(*pillar, 0.0)})
+    return time_s, DIAGNOSTICS, to_diagnostics(replace(WELL, time_s=time_s, movers=movers))
 
 
 def drawn(shot: Footage, plant: Plant, *times_s: float) -> list[Pose]:

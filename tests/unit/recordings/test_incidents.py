@@ -44,6 +44,7 @@ def run(state: Path, *arguments: str) -> Result:
 
 def assert_refused(result: Result, *words: str) -> None:
     assert result.exit_code == 2, result.output
+    assert result.exception is None or isinstance(result.exception, SystemExit)
     sentence = result.stderr.strip()
     assert sentence.startswith("lifeline: ")
     assert "\n" not in sentence

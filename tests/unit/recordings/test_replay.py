@@ -9,9 +9,9 @@ from typer.testing import CliRunner, Result
 
 from lifeline.cli.app import app
 from supervisor.blackbox.file import VERSION
-from supervisor.blackbox.recorder import BlackBox
-from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, WriterAtOnce, rewrite
-from tests.unit.supervisor.law.law_harness import CONFIG
+from tests.unit.recordings.test_incident import stopped
+from tests.unit.recordings.test_incidents import assert_refused
+from tests.unit.supervisor.blackbox.black_boxes import rewrite
 
 
 def run(path: Path) -> Result:
@@ -25,13 +25,7 @@ def in_one_line(text: str) -> str:
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
     """Neutral, forward, an object at 0.2 m; the base stands 0.3 s later."""
-    writer = WriterAtOnce(tmp_path)
-    drive = Drive(BlackBox(CONFIG, writer, window_s=60.0, utc=lambda: NOON_UTC_S))
-    drive.drive(1.0)
-    drive.stop()
-    drive.brake()
-    drive.box.close()
-    return writer.paths[0]
+    return stopped(tmp_path)
 
 
 def test_the_timeline_names_each_change_and_all_decisions_are_the_same(recording: Path) -> None:
@@ -81,23 +75,12 @@ def test_a_file_that_left_something_out_says_so(recording: Path) -> None:
     assert "1,234 older steps" in run(recording).output
 
 
-def assert_refused(path: Path, *words: str) -> None:
-    result = run(path)
-    assert result.exit_code == 2, result.output
-    assert result.exception is None or isinstance(result.exception, SystemExit)
-    sentence = result.stderr.strip()
-    assert sentence.startswith("lifeline: ")
-    assert "\n" not in sentence
-    for word in words:
-        assert word in sentence
-
-
 def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    assert_refused(tmp_path / "none.jsonl.gz", "cannot read", "No such file")
+    assert_refused(run(tmp_path / "none.jsonl.gz"), "cannot read", "No such file")
 
 
 def test_a_directory_is_refused(tmp_path: Path) -> None:
-    assert_refused(tmp_path, "cannot read", "directory")
+    assert_refused(run(tmp_path), "cannot read", "directory")
 
 
 @pytest.mark.parametrize(
@@ -115,31 +98,31 @@ def test_a_directory_is_refused(tmp_path: Path) -> None:
 def test_a_file_that_is_no_black_box_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "some.gz"
     path.write_bytes(content)
-    assert_refused(path, "is not a black box")
+    assert_refused(run(path), "is not a black box")
 
 
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.97])
 def test_a_file_that_ends_early_is_refused(recording: Path, share: float) -> None:
     whole = recording.read_bytes()
     recording.write_bytes(whole[: int(len(whole) * share)])
-    assert_refused(recording)
+    assert_refused(run(recording))
 
 
 def test_a_file_without_its_last_lines_is_refused(recording: Path) -> None:
     rewrite(recording, lambda lines: lines.pop())
-    assert_refused(recording, "is truncated")
+    assert_refused(run(recording), "is truncated")
 
 
 def test_a_file_that_lacks_a_line_is_refused(recording: Path) -> None:
     rewrite(recording, lambda lines: lines.pop(20))
-    assert_refused(recording, "is truncated")
+    assert_refused(run(recording), "is truncated")
 
 
 def test_a_damaged_file_is_refused(recording: Path) -> None:
     whole = bytearray(recording.read_bytes())
     whole[len(whole) // 2] ^= 0xFF
     recording.write_bytes(whole)
-    assert_refused(recording, "is damaged after")
+    assert_refused(run(recording), "is damaged after")
 
 
 def test_a_file_of_version_1_had_all_fields_of_the_state_in_one_object(recording: Path) -> None:
@@ -158,14 +141,14 @@ def test_a_file_of_version_1_had_all_fields_of_the_state_in_one_object(recording
 
 def test_a_newer_version_is_refused(recording: Path) -> None:
     rewrite(recording, lambda lines: lines[0].update(version=VERSION + 1))
-    assert_refused(recording, f"has version {VERSION + 1}", "replay it with a newer Lifeline")
+    assert_refused(run(recording), f"has version {VERSION + 1}", "replay it with a newer Lifeline")
 
 
 def test_a_field_that_this_law_does_not_know_is_named(recording: Path) -> None:
     rewrite(recording, lambda lines: lines[5]["inputs"].update(telepathy=True))
-    assert_refused(recording, "line 6 ", "Inputs has no telepathy")
+    assert_refused(run(recording), "line 6 ", "Inputs has no telepathy")
 
 
 def test_a_header_without_a_stop_is_refused(recording: Path) -> None:
     rewrite(recording, lambda lines: lines[0].update(stops=[]))
-    assert_refused(recording, "names no stop")
+    assert_refused(run(recording), "names no stop")

@@ -38,6 +38,17 @@ def still_wanted() -> bool:
     return True
 
 
+def failing(number: int) -> Callable[..., Any]:
+    """Return a call of the disk that raises this error, with its path if it has one."""
+
+    def fail(*arguments: object, **_: object) -> Any:  # noqa: ANN401
+        raise OSError(
+            number, os.strerror(number), *(str(one) for one in arguments[:1] if isinstance(one, str | Path))
+        )
+
+    return fail
+
+
 def read_anew(directory: Path, namespace: str = ROBOT) -> bool:
     """Read the record as the next process does."""
     files = RecordFiles(directory, namespace)
@@ -135,11 +146,7 @@ def test_a_press_is_recorded_on_a_disk_that_refuses_only_the_rename(
     number: int, files: RecordFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     files.prepare()
-
-    def refused(path: Path, _target: Path) -> Path:
-        raise OSError(number, os.strerror(number), str(path))
-
-    monkeypatch.setattr(Path, "rename", refused)
+    monkeypatch.setattr(Path, "rename", failing(number))
     files.latch()
     files.close()
     assert read_anew(tmp_path / "state")
@@ -168,12 +175,8 @@ def test_a_press_on_a_disk_that_refuses_every_change_is_reported_and_latches_the
     files: RecordFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     files.prepare()
-
-    def refused(path: object, *_: object, **_options: object) -> Any:  # noqa: ANN401
-        raise OSError(errno.EIO, os.strerror(errno.EIO), str(path))
-
     for owner, name in ((Path, "rename"), (Path, "unlink"), (os, "open")):
-        monkeypatch.setattr(owner, name, refused)
+        monkeypatch.setattr(owner, name, failing(errno.EIO))
     with pytest.raises(RecordError, match="the e-stop cannot be recorded: Input/output error"):
         files.latch()
     files.close()
@@ -227,11 +230,7 @@ def test_a_prepared_press_needs_no_space_on_the_disk(
     files: RecordFiles, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     files.prepare()
-
-    def full(*_: object) -> int:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(os, "write", full)
+    monkeypatch.setattr(os, "write", failing(errno.ENOSPC))
     files.latch()
     assert files.read()
 
@@ -239,10 +238,7 @@ def test_a_prepared_press_needs_no_space_on_the_disk(
 def test_a_full_disk_is_named_before_anybody_presses(
     files: RecordFiles, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(*_: object) -> int:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(os, "write", full)
+    monkeypatch.setattr(os, "write", failing(errno.ENOSPC))
     with pytest.raises(RecordError, match="a pressed e-stop could not be recorded: No space left on device"):
         files.prepare()
 
@@ -309,10 +305,7 @@ def test_a_state_directory_that_is_a_file_proves_nothing(tmp_path: Path) -> None
 def test_a_record_that_may_not_be_looked_up_proves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refused(path: Path) -> os.stat_result:
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
-
-    monkeypatch.setattr(Path, "lstat", refused)
+    monkeypatch.setattr(Path, "lstat", failing(errno.EACCES))
     assert is_recorded(tmp_path, ROBOT)
     with pytest.raises(PermissionError):
         read_anew(tmp_path)
@@ -323,11 +316,7 @@ def test_a_start_where_no_earlier_press_could_have_been_recorded_proves_nothing(
     number: int, files: RecordFiles, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     files.prepare()
-
-    def fails(*_: object) -> int:
-        raise OSError(number, os.strerror(number))
-
-    monkeypatch.setattr(os, "write", fails)
+    monkeypatch.setattr(os, "write", failing(number))
     with pytest.raises(OSError, match=os.strerror(number)):
         files.read()
 

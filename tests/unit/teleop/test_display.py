@@ -11,30 +11,11 @@ from hypothesis import strategies as st
 from teleop.pilots.pilot import NEUTRAL, Velocity
 from teleop.pilots.vigilance import DEMAND_S
 from teleop.screen.display import SILENT_AFTER_S, news, next_step, render
-from teleop.screen.view import Control, Line, Tone, View
+from teleop.screen.view import Control, Tone, View
+from tests.unit.teleop.views import REASONS, text
 from wire.messages import SafetyStatus, header, planar_twist
 
 FORWARD = Velocity(0.1, 0.2)
-REASONS = [
-    "NO_COMMAND",
-    "COMMAND_TIMEOUT",
-    "COMMAND_STALE",
-    "SOURCE_LOST",
-    "COMMAND_INVALID",
-    "OBSTACLE",
-    "SCAN_STALE",
-    "SCAN_INVALID",
-    "SCAN_BLIND",
-    "ESTOP",
-    "ESTOP_STATION_LOST",
-    "ESTOP_UNRECORDED",
-    "OVERRUN",
-    "SENSOR_CONFLICT",
-    "SENSOR_MISMATCH",
-    "BASE_UNRESPONSIVE",
-    "ODOM_STALE",
-    "BASE_RUNAWAY",
-]
 
 
 def status(mode: int = SafetyStatus.READY, **fields: Any) -> SafetyStatus:  # noqa: ANN401 - any field of the status
@@ -43,10 +24,6 @@ def status(mode: int = SafetyStatus.READY, **fields: Any) -> SafetyStatus:  # no
 
 def view(newest: SafetyStatus | None, *, wanted: Velocity = FORWARD, age_s: float = 0.0) -> View:
     return View("teleop", "tcp/127.0.0.1:7447", wanted=wanted, sent=wanted, status=newest, status_age_s=age_s)
-
-
-def text(line: Line) -> str:
-    return "".join(segment.text for segment in line)
 
 
 def shown(

@@ -130,7 +130,7 @@ OVER = {
 
 
 def test_the_tests_know_every_stop_reason_of_the_law() -> None:
-    assert list(REASONS) == [reason.value for reason in StopReason]
+    assert list(CAUSES) == [reason.value for reason in StopReason]
 
 
 @pytest.mark.parametrize("reason", REASONS)

@@ -9,27 +9,9 @@ import numpy.typing as npt
 from teleop.pilots.pilot import Velocity
 from teleop.screen.view import Event, KeyHelp, Line, Rates, View
 from wire.messages import LaserScan, Odometry, SafetyStatus, SourceStatus, header, odometry
+from wire.reasons import StopReason
 
-REASONS = (
-    "ESTOP",
-    "ESTOP_STATION_LOST",
-    "ESTOP_UNRECORDED",
-    "BASE_RUNAWAY",
-    "OVERRUN",
-    "SENSOR_CONFLICT",
-    "SENSOR_MISMATCH",
-    "BASE_UNRESPONSIVE",
-    "ODOM_STALE",
-    "SCAN_INVALID",
-    "SCAN_STALE",
-    "SOURCE_LOST",
-    "COMMAND_INVALID",
-    "COMMAND_STALE",
-    "COMMAND_TIMEOUT",
-    "NO_COMMAND",
-    "SCAN_BLIND",
-    "OBSTACLE",
-)
+REASONS = tuple(reason.value for reason in StopReason)
 
 
 def source(name: str, priority: int = 100, *, armed: bool = True, age_s: float = 0.03) -> SourceStatus:
