@@ -15,7 +15,7 @@ from commission.driver import LEARN_S, WALL_LOST, AbortedError, Driver, Surprise
 from commission.estimate import of_repeats
 from commission.findings import Findings, report, results
 from commission.measured import TableError, check_place, with_results
-from commission.mounting import Mistake, forward_mistakes, is_moved, rest_mistakes, turn_mistakes
+from commission.mounting import Mistake, forward_mistakes, is_moved, turn_mistakes
 from commission.person import Person, TerminalPerson
 from commission.trace import Driven
 from deploy.stack.console import note
@@ -247,7 +247,7 @@ class Conductor:
         after = trace.between(trace.scans[-1].at_s - LEARN_S, math.inf).mean_wall() if trace.scans else None
         if before is None or after is None:
             raise AbortedError(WALL_LOST)
-        _end_at(rest_mistakes(before, after))
+        _end_at([Mistake.BASE_DRIFTS] if is_moved(before, after) else ())
 
     async def _step(self, step: plan.Step, *, is_first: bool = False) -> bool:
         """Drive a step, confirmed and again after a surprise; return whether it was driven."""
