@@ -7,6 +7,7 @@ compressed file of a run of one hour, from which docs/crash-safety.md is generat
 import asyncio
 import itertools
 import math
+import os
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -27,7 +28,7 @@ from bench.rig.options import CommandLine, failing_in_a_sentence, positive
 from bench.rig.sheet import Times, percentile
 from deploy.stack import processes
 from deploy.stack.errors import Interrupted
-from deploy.stack.keyboard import typing
+from deploy.stack.keyboard import TypedTeleop
 from deploy.stack.launch import Launch
 from deploy.stack.reach import Observer
 from deploy.stack.statedir import StateDir
@@ -270,7 +271,9 @@ async def drive(robot: SimulatedRobot, duration_s: float, add: Callable[[Sample]
     async with AsyncExitStack() as ending:
         bus = await open_bus(BusConfig(robot.endpoint), "client")
         ending.push_async_callback(bus.close)
-        teleop = await ending.enter_async_context(typing(Launch.read(None, robot.endpoint), marked))
+        command = Launch.read(None, robot.endpoint).command(topics.TELEOP)
+        teleop = TypedTeleop(command, os.environ | marked)
+        ending.push_async_callback(teleop.close)
         if not await Observer(bus).until(_is_ready, READY_LIMIT_S):
             raise TimeoutError("the robot does not become ready")
         watch, operator = Watch(bus, robot.state), Operator(Random(0))

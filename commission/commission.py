@@ -15,10 +15,9 @@ from commission.driver import LEARN_S, WALL_LOST, AbortedError, Driver, Surprise
 from commission.estimate import of_repeats
 from commission.findings import Findings, report, results
 from commission.measured import TableError, check_place, with_results
-from commission.mounting import Mistake, forward_mistakes, is_moved, rest_mistakes, turn_mistakes
+from commission.mounting import Mistake, forward_mistakes, is_moved, turn_mistakes
 from commission.person import Person, TerminalPerson
 from commission.trace import Driven
-from commission.wall import Wall
 from deploy.stack.console import note
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
@@ -37,8 +36,6 @@ EXIT_ABORTED, EXIT_INTERRUPTED = 1, 130
 REST_S = 3.0
 NO_WALL = "no flat wall of at least 1 m is seen: move the robot, or choose another wall"
 UNRESPONSIVE = f"STOPPED: {StopReason.BASE_UNRESPONSIVE}"
-FIND_S = 0.5
-"""Time in which the lidar must show a wall."""
 
 
 def commission(
@@ -219,14 +216,8 @@ class Conductor:
         is_left = await self._seen("Which way did the robot turn, seen from above?", "left", "right")
         _end_at(turn_mistakes(self._found.turns[-1], seen_left=is_left))
 
-    async def _find_wall(self) -> Wall | None:
-        """Find the nearest wall anew; return None if there is none."""
-        self._driver.trace.forget_wall()
-        await self._driver.wait(FIND_S)
-        return self._driver.wall()
-
     async def _check_wall(self) -> None:
-        wall = await self._find_wall()
+        wall = await self._driver.find_wall()
         if wall is None:
             raise AbortedError(NO_WALL)
         bearing_rad = self._driver.bearing_rad(wall)
@@ -239,13 +230,9 @@ class Conductor:
             raise AbortedError(
                 "by the mount in the file, the nearest wall is not ahead: turn the robot to the wall, or correct yaw_rad or flip"
             )
-        await self._confirm(
+        await self._driver.confirm(
             "Measure with a tape from the lidar to the wall ahead. Type yes if it agrees.", "yes"
         )
-
-    async def _confirm(self, question: str, word: str) -> None:
-        if await self._driver.ask(question) != word:
-            raise AbortedError(f"not confirmed with {word!r}")
 
     async def _rest(self) -> None:
         self._say(f"The robot stands for {REST_S:g} s: rate and noise of the lidar.")
@@ -260,7 +247,7 @@ class Conductor:
         after = trace.between(trace.scans[-1].at_s - LEARN_S, math.inf).mean_wall() if trace.scans else None
         if before is None or after is None:
             raise AbortedError(WALL_LOST)
-        _end_at(rest_mistakes(before, after))
+        _end_at([Mistake.BASE_DRIFTS] if is_moved(before, after) else ())
 
     async def _step(self, step: plan.Step, *, is_first: bool = False) -> bool:
         """Drive a step, confirmed and again after a surprise; return whether it was driven."""
@@ -299,7 +286,7 @@ class Conductor:
 
     async def _problem(self, step: plan.Step) -> str | None:
         """Return why a step cannot begin where the robot stands; None if it can."""
-        wall = self._driver.wall() or await self._find_wall()
+        wall = self._driver.wall() or await self._driver.find_wall()
         if wall is None:
             return NO_WALL
         return plan.problem(step, self._base, self._driver.gap_m(wall), self._driver.bearing_rad(wall))
@@ -358,7 +345,7 @@ class Conductor:
             self._say(line)
         today = dt.datetime.now(tz=dt.UTC).date().isoformat()
         while True:
-            await self._confirm(f"Type write to write [measured] into {self._file}.", "write")
+            await self._driver.confirm(f"Type write to write [measured] into {self._file}.", "write")
             try:
                 text = with_results(read_text(self._file), found, date=today, version=version("lifeline"))
                 replace_file(self._file, text)

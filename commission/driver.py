@@ -37,6 +37,8 @@ ODOM_SILENT_S = 0.3
 SCAN_SILENT_S = 0.6
 ARM_LIMIT_S = 5.0
 WALL_LOST = "the wall is lost: nothing may stand or walk between the robot and the wall"
+FIND_S = 0.5
+"""Time in which the lidar must show a wall."""
 LEARN_S = 0.6
 """How long the wall is observed at rest before and after a drive."""
 REST_LIMIT_S = 6.0
@@ -162,6 +164,15 @@ class Driver:
         self._person.expect(line=False)
         return typed.strip().lower()
 
+    async def confirm(self, question: str, word: str) -> None:
+        """Ask the person for a word.
+
+        Raises:
+            AbortedError: the person types another one, or as for `ask`.
+        """
+        if await self.ask(question) != word:
+            raise AbortedError(f"not confirmed with {word!r}")
+
     def _send(self, velocity: Velocity) -> None:
         if self._holder.holds:
             self._cmd_vel.put(planar_twist(*velocity))
@@ -198,10 +209,11 @@ class Driver:
 
     # --- what is known
 
-    @property
-    def status(self) -> SafetyStatus | None:
-        """The newest status; None before the first."""
-        return self._status
+    async def find_wall(self) -> Wall | None:
+        """Find the nearest wall anew; return None if there is none."""
+        self.trace.forget_wall()
+        await self.wait(FIND_S)
+        return self.wall()
 
     def wall(self) -> Wall | None:
         """Return the wall as it was seen last, in the lidar's frame; None if it is lost."""
@@ -230,6 +242,15 @@ class Driver:
             return "odometry is silent"
         return f"the lidar {self._lidar.name} is silent" if no_scan else None
 
+    def missing(self, source: str) -> str | None:
+        """Return what is missing for this source to drive; None if nothing is."""
+        status = self._status
+        return self.silent() or ("no status" if status is None else what_is_missing(status, source))
+
+    def has_stopped(self, reason: StopReason | None) -> bool:
+        """Return whether this reason has stopped the robot."""
+        return self._status is not None and any(reason in some for some in self._status.causes_and_latched())
+
     # --- driving
 
     async def ready(self) -> None:
@@ -241,9 +262,7 @@ class Driver:
         end_s = self.now_s + ARM_LIMIT_S
         while True:
             await self.beat()
-            missing = self.silent() or (
-                what_is_missing(self._status, self._source) if self._status is not None else "no status"
-            )
+            missing = self.missing(self._source)
             if missing is None:
                 return
             if self.now_s > end_s:
@@ -282,7 +301,7 @@ class Driver:
         try:
             while not is_stopped and not watch.is_done(self.trace.odometry[-1], self.wall()):
                 reason = await self.beat()
-                is_stopped = reason is not None and self._is_stopped_by(expected)
+                is_stopped = reason is not None and self.has_stopped(expected)
                 if not is_stopped:
                     self.check(reason, watch)
                 self._person.show(f"{drive}: {watch.progress(self.trace.odometry[-1])}")
@@ -307,10 +326,6 @@ class Driver:
         if wall is None:
             raise SurpriseError(WALL_LOST)
         return wall
-
-    def _is_stopped_by(self, reason: StopReason | None) -> bool:
-        """Return whether this reason has stopped the robot."""
-        return self._status is not None and any(reason in some for some in self._status.causes_and_latched())
 
     def key(self) -> str | None:
         """Return a text if a key was pressed since a question was answered, or the terminal is closed; else None."""
@@ -342,7 +357,7 @@ class Driver:
             reason = await self.beat()
             wall = self.wall()
             near = None if watch is None or wall is None else watch.too_near(self.gap_m(wall))
-            if near is None and self._is_stopped_by(expected):
+            if near is None and self.has_stopped(expected):
                 reason = None
             reason = self.key() or near or reason or self.silent()
             if reason is not None:

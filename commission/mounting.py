@@ -126,16 +126,6 @@ class Mistake(StrEnum):
     LIDAR_MIRRORED = "the lidar is mirrored: change flip in its table"
 
 
-def rest_mistakes(before: Wall, after: Wall) -> frozenset[Mistake]:
-    """Return what is wrong after a rest.
-
-    Args:
-        before: the wall at the start of the rest.
-        after: the wall at its end.
-    """
-    return frozenset({Mistake.BASE_DRIFTS}) if is_moved(before, after) else frozenset()
-
-
 def forward_mistakes(drive: Motion, *, seen_ahead: bool) -> frozenset[Mistake]:
     """Return what is wrong after a drive that was commanded ahead, toward the wall.
 

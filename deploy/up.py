@@ -24,6 +24,7 @@ from wire.bundle import BundleError, choose_bundle
 from wire.bus_config import BusConfig
 from wire.host.command_line import PROGRAM
 from wire.roles import Role
+from wire.zenoh.local_socket import participants
 
 TELEOP_LIMIT_S = 4.0
 """Longer than teleop's own shutdown limit of 3 s."""
@@ -146,8 +147,8 @@ def hints(state: StateDir, launch: Launch) -> Iterator[str]:
             f"no bundle in {launch.bus.keys} may drive: the operator needs one of `lifeline keys issue NAME --role operator "
             f"--robot {launch.bus.namespace}`"
         )
-    if launch.participants is not None:
-        yield f"your own Zenoh programs connect to {launch.participants}"
+    if (there := participants(launch.bus.endpoint)) is not None:
+        yield f"your own Zenoh programs connect to {there}"
 
 
 def _can_drive(bus: BusConfig) -> bool:
@@ -173,7 +174,7 @@ def _starting(launch: Launch) -> str:
 def _document(state: StateDir, launch: Launch, *, is_latched: bool, station: str | None) -> dict[str, Any]:
     return {
         "endpoint": launch.bus.endpoint,
-        "participants": launch.participants,
+        "participants": participants(launch.bus.endpoint),
         "namespace": launch.bus.namespace,
         "state_dir": str(state.path),
         "nodes": launch.nodes,

@@ -55,9 +55,8 @@ class Operator:
         command = [*self._launch.command("passport.pilot"), "--source", self._source]
         command += ["--namespace", self._launch.bus.namespace]
         if with_link:
-            self._link = Child(
-                [*python_module(self._launch), "passport.link", str(socket_of(self._launch.bus.endpoint))]
-            )
+            link = self._launch.command("passport.link")[:3]
+            self._link = Child([*link, str(socket_of(self._launch.bus.endpoint))])
             port = await self._link.first_line()
             command[command.index("--endpoint") + 1] = f"tcp/127.0.0.1:{port}"
         self._program = Child(command)
@@ -87,11 +86,6 @@ class Operator:
                 await child.end(**limits)
         self._program = self._link = None
         self._is_out_of_reach = False
-
-
-def python_module(launch: Launch) -> list[str]:
-    """Return the beginning of a command line that runs a module."""
-    return launch.command("")[:2]
 
 
 def not_supervised(launch: Launch, state: StateDir, name: str) -> str | None:

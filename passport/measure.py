@@ -12,7 +12,6 @@ from typing import NamedTuple, NoReturn, TypeVar
 from commission.commission import (
     EXIT_ABORTED,
     EXIT_INTERRUPTED,
-    FIND_S,
     NO_WALL,
     REST_S,
     check_robot,
@@ -218,7 +217,7 @@ class Measurement:
                     "a stream ends. Keep your hand on its own e-stop."
                 )
                 word = "without"
-            await self._confirm(
+            await self._driver.confirm(
                 f"The robot drives {needed_m:.1f} m toward the wall at most, and back to where it stands now, {len(fitting)} cells with "
                 f"{self._orders.runs} runs each.{turns} {alone} Keep this area free, and {cells.SIDE_M:g} m beside the robot and "
                 f"behind it. Type {word} to drive.",
@@ -236,9 +235,7 @@ class Measurement:
     # --- before the first run
 
     async def _check_wall(self) -> Wall:
-        self._driver.trace.forget_wall()
-        await self._driver.wait(FIND_S)
-        wall = self._driver.wall()
+        wall = await self._driver.find_wall()
         if wall is None:
             raise AbortedError(NO_WALL)
         bearing_rad = self._driver.bearing_rad(wall)
@@ -246,16 +243,12 @@ class Measurement:
             raise AbortedError(
                 f"the nearest wall is in the direction {math.degrees(bearing_rad):+.0f}°: turn the robot to it"
             )
-        await self._confirm(
+        await self._driver.confirm(
             f"{self._robot.lidar.name} sees a wall of {wall.length_m:.1f} m, {wall.distance_m:.3f} m from the lidar. Measure this "
             "with a tape. Type yes if it agrees.",
             "yes",
         )
         return wall
-
-    async def _confirm(self, question: str, word: str) -> None:
-        if await self._driver.ask(question) != word:
-            raise AbortedError(f"not confirmed with {word!r}")
 
     async def _instrument(self, wall: Wall) -> Instrument:
         """Measure the noise of the wall at rest, and keep the place of the robot."""
@@ -281,13 +274,10 @@ class Measurement:
         )
         return found
 
-    def _gap_m(self) -> float:
-        assert self._rounds.place is not None
-        return self._rounds.place.gap_m
-
     def _misfit(self, plan: Plan) -> str | None:
         """Return why a cell does not fit into the free distance at the start; None if it fits."""
-        return cells.problem(plan, self._bases.of(plan), self._gap_m())
+        assert self._rounds.place is not None
+        return cells.problem(plan, self._bases.of(plan), self._rounds.place.gap_m)
 
     def _begun(self, found: Instrument, floor: str) -> Passport:
         file = self._robot.file
@@ -402,7 +392,7 @@ class Measurement:
         """Make the robot ready again; a person resets the e-stop."""
         can_latch = plan.fault is Fault.ESTOP or not plan.with_lifeline
         while can_latch and self._rounds.is_estop_latched:
-            await self._confirm("The e-stop is latched. Type reset to reset it.", "reset")
+            await self._driver.confirm("The e-stop is latched. Type reset to reset it.", "reset")
             problem = await self._injector.reset()
             if problem is not None:
                 self._say(f"the e-stop was not reset: {problem}")

@@ -74,7 +74,8 @@ def check(file: Path, keys: Path) -> Written:
     """
     text = _text(file, MAX_FILE_BYTES)
     passport, envelope = _parsed(file, text)
-    who = _verified(passport, envelope, text, _authority(keys))
+    authority = _text(keys / AUTHORITY if keys.is_dir() else keys, None)
+    who = _verified(passport, envelope, text, authority.encode())
     return Written(str(file), who, digest(passport), sentence(passport), passport.configuration_sha256)
 
 
@@ -152,11 +153,6 @@ def _sign(passport: Passport, keys: Path) -> tuple[Envelope, Signer]:
         raise DeployError(str(error) if isinstance(error, BundleError) else f"{keys} {error}") from error
     except OSError as error:
         raise DeployError(f"cannot read {error.filename}: {error.strerror}") from error
-
-
-def _authority(keys: Path) -> bytes:
-    path = keys / AUTHORITY if keys.is_dir() else keys
-    return _text(path, None).encode()
 
 
 def _read(file: Path) -> tuple[Passport, Envelope | None]:

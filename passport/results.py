@@ -41,7 +41,7 @@ class Results:
 
     def refuse(self, plan: Plan, load_percent: int, why: str | None) -> None:
         """Note why a cell was not measured, or was ended early; None: it is measured now."""
-        if why is not None or self._has(plan, load_percent):
+        if why is not None or any(is_of(one, plan, load_percent) for one in self.passport.cells):
             self._change(plan, load_percent, lambda cell: cell.model_copy(update={"refused": why}))
 
     def deviate(self, sentence: str) -> None:
@@ -51,9 +51,6 @@ class Results:
     def update(self, **fields: object) -> None:
         self.passport = self.passport.model_copy(update=fields)
         self._write()
-
-    def _has(self, plan: Plan, load_percent: int) -> bool:
-        return any(is_of(one, plan, load_percent) for one in self.passport.cells)
 
     def _change(self, plan: Plan, load_percent: int, change: Callable[[Cell], Cell]) -> None:
         self.update(cells=with_change(self.passport.cells, plan, load_percent, change))

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from commission.commission import FIND_S
 from commission.driver import LEARN_S, WALL_LOST, AbortedError, Driver, SurpriseError
 from commission.person import Person
 from commission.plan import FACING_RAD, LEAST_BACK_M, RETURN_M_S, SLOW_RAD_S, Drive
@@ -17,7 +16,6 @@ from passport.cells import SIDE_M, STOP_LIMIT_S, Bases, Fault, Plan
 from passport.injection import CUTS, InjectionError, Injector, Operator
 from passport.record import speed_in_words
 from teleop.path.course import Pose, seen_from, wrap
-from teleop.path.permit import what_is_missing
 from teleop.pilots.pilot import NEUTRAL, Velocity
 from wire.reasons import StopReason
 from wire.standstill import STILL_M_S, is_still
@@ -89,11 +87,7 @@ class Rounds:
 
     @property
     def is_estop_latched(self) -> bool:
-        return self._has_stopped(StopReason.ESTOP)
-
-    def _has_stopped(self, reason: StopReason) -> bool:
-        status = self._driver.status
-        return status is not None and any(reason in some for some in status.causes_and_latched())
+        return self._driver.has_stopped(StopReason.ESTOP)
 
     async def all_heard(self) -> None:
         """Wait until every stream is heard again.
@@ -163,17 +157,10 @@ class Rounds:
         Raises:
             SurpriseError: it is not found.
         """
-        wall = self._driver.wall()
-        if wall is None:
-            await self._find_wall()
-            wall = self._driver.wall()
+        wall = self._driver.wall() or await self._driver.find_wall()
         if wall is None:
             raise SurpriseError(WALL_LOST)
         return wall
-
-    async def _find_wall(self) -> None:
-        self._driver.trace.forget_wall()
-        await self._driver.wait(FIND_S)
 
     # --- a run
 
@@ -204,17 +191,11 @@ class Rounds:
         await self._driver.during(self._operator.start(with_link=with_link))
         self._check_key()
         end_s = self._driver.now_s + ARM_LIMIT_S
-        while (missing := self._missing()) is not None:
+        while (missing := self._driver.missing(self._source)) is not None:
             self._operator.request(NEUTRAL)
             await self._driver.beat()
             if self._driver.now_s > end_s:
                 raise SurpriseError(f"the operator's program may not drive: {missing}")
-
-    def _missing(self) -> str | None:
-        status = self._driver.status
-        return self._driver.silent() or (
-            "no status" if status is None else what_is_missing(status, self._source)
-        )
 
     async def _drive(self, plan: Plan) -> Seen:
         driver = self._driver
@@ -245,7 +226,7 @@ class Rounds:
             await self._injector.lift(plan.fault)
         if plan.fault in UNSEEN:
             await self.all_heard()
-            await self._find_wall()
+            await self._driver.find_wall()
         if plan.fault.takes_recorder and not self._stood(plan, seen):
             return await self._stop_it(seen)
         return await self._at_rest(plan, seen)
@@ -254,7 +235,7 @@ class Rounds:
         """Record until the robot stands or, if the fault takes the recorder, until it must stand; return whether it stopped."""
         stands_s = fault_s + cells.standing_s(plan, self._bases.of(plan))
         while True:
-            await self._go_on(plan)
+            await self._beat(plan, plan.after)
             now_s = self._driver.now_s
             if plan.fault.takes_recorder:
                 if now_s > stands_s:
@@ -268,15 +249,12 @@ class Rounds:
             ):
                 return False
 
-    async def _go_on(self, plan: Plan) -> None:
-        """Let the operator's program request the same as before; after a plain zero, zero.
+    async def _beat(self, plan: Plan, velocity: Velocity) -> None:
+        """Let the operator's program request a velocity.
 
         Raises:
-            SurpriseError: a key was pressed, or something else has stopped the robot.
+            SurpriseError: a key was pressed, or something else than the fault has stopped the robot.
         """
-        await self._beat(plan, plan.after)
-
-    async def _beat(self, plan: Plan, velocity: Velocity) -> None:
         self._operator.request(velocity)
         if plan.fault is Fault.ESTOP and not self.is_estop_latched:
             self._injector.press_estop()
@@ -284,7 +262,7 @@ class Rounds:
         self._check_key()
         own = {StopReason.ESTOP} if plan.fault is Fault.ESTOP else set[StopReason]()
         for reason in OTHER_STOPS - own:
-            if self._has_stopped(reason):
+            if self._driver.has_stopped(reason):
                 raise SurpriseError(f"{reason} has stopped the robot, not the fault")
 
     def _check_key(self) -> None:

@@ -10,11 +10,8 @@ import struct
 import subprocess
 import termios
 import time
-from collections.abc import AsyncGenerator, Callable
-from contextlib import asynccontextmanager, suppress
-
-from deploy.stack.launch import Launch
-from wire import topics
+from collections.abc import Callable
+from contextlib import suppress
 
 ROWS, COLUMNS = 24, 100
 SCREEN_BYTES = 4096
@@ -168,13 +165,3 @@ class TypedTeleop:
                 self._screen.close()
             else:
                 os.close(descriptor)
-
-
-@asynccontextmanager
-async def typing(launch: Launch, environment: dict[str, str]) -> AsyncGenerator[TypedTeleop]:
-    """Run a teleop while the context is open."""
-    teleop = TypedTeleop(launch.command(topics.TELEOP), os.environ | environment)
-    try:
-        yield teleop
-    finally:
-        await teleop.close()

@@ -32,7 +32,6 @@ from wire.host.config import (
     section,
 )
 from wire.host.installation import ENVIRONMENT
-from wire.zenoh.local_socket import participants
 
 DEFAULT_CONFIG = Path(__file__).resolve().parents[1] / "robot.toml"
 SIMULATED = (topics.SUPERVISOR, topics.SIM)
@@ -231,11 +230,6 @@ class Launch:
     def command(self, module: str) -> list[str]:
         """Return the command line of a module, run with this interpreter."""
         return [sys.executable, "-m", module, "--config", str(self.config), *bus_options(self.bus)]
-
-    @property
-    def participants(self) -> str | None:
-        """The Zenoh endpoint at which foreign programs of this user take part; None if they need certificates."""
-        return participants(self.bus.endpoint)
 
     @property
     def drive(self) -> str:

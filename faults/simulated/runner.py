@@ -8,7 +8,7 @@ import hashlib
 import os
 import signal
 import threading
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from modulefinder import ModuleFinder
@@ -19,6 +19,7 @@ from rich.console import Console
 
 from deploy.stack import errors
 from deploy.stack.errors import DeployError
+from deploy.stack.takedown import Say
 from faults.report.table import Progressing, print_results, story
 from faults.simulated.trial_run import run_trial
 from faults.trial import Trial, parse
@@ -32,8 +33,6 @@ DATA_SUFFIXES = frozenset({".xml", ".toml", ".msg"})
 """Files that these packages read: layouts, models, message definitions."""
 BATCH = 4
 """Seeds in one batch for a worker; Ctrl-C loses those that are not finished."""
-
-Say = Callable[[str], None]
 
 
 def replay(seed: int, say: Say, *, as_json: bool = False) -> int:

@@ -116,8 +116,9 @@ class Rehearsal:
         output = STANDSTILL if self._decision is None else self._decision.output
         plant.step((output.linear_m_s, output.angular_rad_s))
         self._steps += 1
-        due = self._commands.due(self._steps, 1.0)
-        commands = (self._command(now_s),) if due else ()
+        commands: tuple[Command, ...] = ()
+        if self._commands.due(self._steps, 1.0):
+            commands = (Command(SOURCE, self._operator.wants(now_s, self._decision), now_s),)
         scan = self._look(now_s) if self._scans.due(self._steps, 1.0) else None
         if commands or scan is not None or self._ticks.due(self._steps, 1.0):
             inputs = Inputs(
@@ -127,9 +128,6 @@ class Rehearsal:
                 odometry=Odometry(Velocity(*plant.wheel_twist), now_s),
             )
             self._state, self._decision = step(self._state, now_s, inputs)
-
-    def _command(self, now_s: float) -> Command:
-        return Command(SOURCE, self._operator.wants(now_s, self._decision), now_s)
 
     def _look(self, now_s: float) -> LaserScan:
         self._ranges, lidar = self._plant.scan(), self._plant.lidars[0]

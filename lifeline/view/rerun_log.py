@@ -111,8 +111,8 @@ def _archetype(one: Primitive) -> tuple[str, rr.AsComponents]:
         case Frame(name, x_m, y_m, yaw_rad):
             turn = rr.Quaternion(xyzw=[0.0, 0.0, math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)])
             return _path(name), rr.Transform3D(translation=[x_m, y_m, 0.0], quaternion=turn)
-        case Points(path, points_m, colours, radius_m):
-            return _path(path), rr.Points3D(_raised(points_m, 0.05), colors=colours, radii=radius_m)
+        case Points(path, points_m, colours):
+            return _path(path), rr.Points3D(_raised(points_m, 0.05), colors=colours, radii=0.022)
         case Line(path, points_m, colour, radius_m, height_m):
             line = _raised(points_m, height_m)
             return _path(path), rr.LineStrips3D([line], colors=[colour], radii=radius_m)

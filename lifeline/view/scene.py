@@ -194,11 +194,11 @@ class Scene:
         rays = rays_of(view.geometry, lidar.mount, law.hull)
         (hits,) = view.hit.nonzero()
         returns = rays.points(hits, view.free_m)
-        yield Points(f"{frame}/points", returns, self._by_distance(returns), 0.022)
+        yield Points(f"{frame}/points", returns, self._by_distance(returns))
         yield Area(f"{frame}/free", *free_space(view, lidar.mount, law.hull), FREE)
         hidden = self._hidden(place, reading)
         colours = np.tile(np.array(HIDDEN, dtype=np.uint8), (len(hidden), 1))
-        yield Points(f"{frame}/hidden", hidden, colours, 0.022)
+        yield Points(f"{frame}/hidden", hidden, colours)
 
     def _hidden(self, place: int, reading: ScanReading) -> Floats:
         """Return the hidden places (n, 2) [m] near the hull that no lidar proves free, in the base frame of this scan."""

@@ -47,7 +47,6 @@ class Points:
     path: str
     points_m: Floats
     colours: npt.NDArray[np.uint8]
-    radius_m: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from commission.driver import SurpriseError
+from commission.driver import FIND_S, SurpriseError
 from commission.plan import Base, Drive
 from commission.trace import Driven, Odom
 from commission.wall import Wall
@@ -16,6 +16,7 @@ from passport.injection import InjectionError
 from passport.rounds import Place, Rounds, Seen
 from teleop.path.course import Pose
 from teleop.pilots.pilot import NEUTRAL, Velocity
+from wire.reasons import StopReason
 
 BASE = Base(1.0, 1.0, 0.5)
 POSE = Pose(0.0, 0.0, 0.0)
@@ -34,9 +35,6 @@ class Samples:
 
     def mean_wall(self) -> Wall:
         return WALL
-
-    def forget_wall(self) -> None:
-        pass
 
 
 class Done:
@@ -63,7 +61,6 @@ class Robot:
         self.drives: list[Drive] = []
         self.lifted: list[tuple[Fault, Velocity]] = []
         self.presses = 0
-        self.status = None
         self.trace = Samples([self.odom()])
 
     def odom(self) -> Odom:
@@ -101,6 +98,13 @@ class Robot:
 
     def wall(self) -> Wall:
         return WALL
+
+    async def find_wall(self) -> Wall:
+        await self.wait(FIND_S)
+        return WALL
+
+    def has_stopped(self, _: StopReason) -> bool:
+        return False
 
     def gap_m(self, _: Wall) -> float:
         return 5.0
