@@ -63,7 +63,7 @@ def markdown(trials: Iterable[Trial]) -> str:
     columns = ("teleop", "fault", "robot", "Lifeline", "n", "stopped")
     columns += ("zero p50", "standstill p50 (max)", "distance p50 (max)")
     rows = (list(_cells(case[lifeline])) for case in cases.values() for lifeline in sorted(case))
-    return "\n".join(markdown_table(columns, rows)) + "\n"
+    return markdown_table(columns, rows) + "\n"
 
 
 def _cells(trials: Sequence[Trial]) -> Iterator[str]:
