@@ -40,11 +40,15 @@ def film() -> str:
     )
 
 
-def stop(campaign: Campaign | None) -> str:
-    """Return how long and how far a robot moves after SIGKILL of teleop, and what happens without Lifeline."""
-    found = None if campaign is None else campaign.find(TELEOP_KILLED)
-    if campaign is None or found is None or not (found.stop and found.standstill and found.distance):
-        return "Not measured yet: `make campaign`."
+def stop(campaign: Campaign) -> str:
+    """Return how long and how far a robot moves after SIGKILL of teleop, and what happens without Lifeline.
+
+    Raises:
+        ValueError: none was measured.
+    """
+    found = campaign.find(TELEOP_KILLED)
+    if found is None or not (found.stop and found.standstill and found.distance):
+        raise ValueError("no teleop was killed in docs/campaign/real.jsonl")
     zero_s, still_s, moved_m = found.stop, found.standstill, found.distance
     runs = [
         one.machine
