@@ -12,9 +12,8 @@ The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 
 from collections.abc import Iterator, Sequence
 from functools import cache
-from pathlib import Path
 
-from bench.rig.stored import read_appended
+from bench.rig.stored import FOLDER, read_appended
 from bench.soak import Sample, judge, warm_up_s
 from docs.generate import sections
 from docs.generate.ros2_crash import markdown, read_origins
@@ -26,12 +25,8 @@ from faults.report.page import percent, read_campaigns, verdict
 from faults.report.statistics import upper_rate
 from faults.trial import Provenance
 
-RESULTS = {
-    "real": Path(__file__).parents[1] / "campaign" / "real.jsonl",
-    "virtual": Path(__file__).parents[1] / "campaign" / "virtual.jsonl.gz",
-}
-ROS2 = Path(__file__).parents[1] / "campaign" / "ros2_crash.jsonl"
-SOAK = Path(__file__).parents[1] / "campaign" / "soak.jsonl.gz"
+RESULTS = {"real": FOLDER / "real.jsonl", "virtual": FOLDER / "virtual.jsonl.gz"}
+ROS2, SOAK = FOLDER / "ros2_crash.jsonl", FOLDER / "soak.jsonl.gz"
 PLACES = {"real": "of real processes (blue)", "virtual": "on a virtual clock (grey)"}
 
 
