@@ -33,10 +33,11 @@ class Sheet:
         titles = tuple(name for name, _ in columns)
         return cls(title, titles, tuple(tuple(cell(one) for _, cell in columns) for one in measured), notes)
 
-    def section(self, heading: str) -> list[str]:
-        """Return the lines of a section of a document, with a heading such as `##`."""
+    @property
+    def markdown(self) -> str:
+        """A section of a document."""
         table = markdown_table(self.columns, self.rows, others="--:")
-        return [f"{heading} {self.title}", "", *table, "", *(f"* {note}" for note in self.notes)]
+        return "\n".join([f"### {self.title}", "", table, "", *(f"* {note}" for note in self.notes)])
 
     def with_note(self, note: str) -> "Sheet":
         return replace(self, notes=(*self.notes, note))
@@ -113,18 +114,13 @@ def show(sheets: Iterable[Sheet], verdicts: Iterable[Verdict], run: Mapping[str,
     console.print(origin(run), style="dim", highlight=False)
 
 
-def markdown_table(
-    columns: Sequence[str], rows: Iterable[Sequence[str]], *, others: str = "---"
-) -> list[str]:
-    """Return the lines of a markdown table.
+def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]], *, others: str = "---") -> str:
+    """Return a markdown table.
 
     Args:
         columns: their titles.
         rows: their cells.
         others: how the columns after the first one are aligned: `---` left, `--:` right.
     """
-    return [
-        f"| {' | '.join(columns)} |",
-        f"|{'|'.join(['---'] + [others] * (len(columns) - 1))}|",
-        *(f"| {' | '.join(row)} |" for row in rows),
-    ]
+    head = [f"| {' | '.join(columns)} |", f"|{'|'.join(['---'] + [others] * (len(columns) - 1))}|"]
+    return "\n".join([*head, *(f"| {' | '.join(row)} |" for row in rows)])

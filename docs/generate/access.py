@@ -22,7 +22,7 @@ CONTRACT = Contract(
 
 def roles_table() -> str:
     rows = ([role, *_cells(role)] for role in Role if role is not Role.SUPERVISOR)
-    return "\n".join(markdown_table(["role", *(title for title, _ in SHOWN)], rows))
+    return markdown_table(["role", *(title for title, _ in SHOWN)], rows)
 
 
 def _cells(role: Role) -> list[str]:

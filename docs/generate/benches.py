@@ -22,18 +22,18 @@ def _bench() -> str:
     stored = read_rows(BENCH)
     found = {name: (part, stored.of(name, part.row)) for name, part in BENCHES.items()}
     verdicts = [one for part, rows in found.values() for one in part.verdicts(rows)]
-    tables = [sections.markdown(part.sheet(rows)) for part, rows in found.values()]
+    tables = [part.sheet(rows).markdown for part, rows in found.values()]
     return "\n\n".join([sections.targets(verdicts, stored.run), origin(stored.run), *tables])
 
 
 def _peers() -> str:
     stored = peers.read()
     targets = sections.targets(peers.verdicts(stored), stored.run)
-    return "\n\n".join([targets, *map(sections.markdown, peers.sheets(stored))])
+    return "\n\n".join([targets, *(sheet.markdown for sheet in peers.sheets(stored))])
 
 
 def _robots(path: Path) -> str:
-    return sections.markdown(robots.sheet(robots.read(path)))
+    return robots.sheet(robots.read(path)).markdown
 
 
 def _caption() -> str:
@@ -50,7 +50,7 @@ def _soak() -> str:
     verdicts = [one for crowd in stored.crowds for one in robots.promises(crowd)]
     table = robots.sheet(stored)
     # The notes are those of the curve; the last one is the origin of the run.
-    return f"{sections.targets(verdicts, stored.run)}\n\n{sections.markdown(replace(table, notes=table.notes[-1:]))}"
+    return f"{sections.targets(verdicts, stored.run)}\n\n{replace(table, notes=table.notes[-1:]).markdown}"
 
 
 def _answer() -> str:
@@ -70,5 +70,5 @@ FLEET_PARTS: sections.Parts = {
 }
 LINK_PARTS: sections.Parts = {
     "answer": _answer,
-    "tables": lambda: "\n\n".join(map(sections.markdown, link.sheets(link.read()))),
+    "tables": lambda: "\n\n".join(sheet.markdown for sheet in link.sheets(link.read())),
 }

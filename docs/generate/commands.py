@@ -18,7 +18,7 @@ from lifeline.cli.app import PARTS as PANELS
 def table(panel: typer.Typer) -> str:
     """Return the table of a panel."""
     rows = ([cell.replace("|", "\\|") for cell in row] for row in _rows(get_group(panel), "lifeline"))
-    return "\n".join(markdown_table(("command", "does"), ((f"`{usage}`", does) for usage, does in rows)))
+    return markdown_table(("command", "does"), ((f"`{usage}`", does) for usage, does in rows))
 
 
 def _rows(group: TyperGroup, path: str) -> Iterator[tuple[str, str]]:

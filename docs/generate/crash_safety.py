@@ -12,11 +12,9 @@ The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 
 from collections.abc import Iterator, Sequence
 from functools import cache
-from pathlib import Path
 
-from bench.rig.stored import read_appended
+from bench.rig.stored import FOLDER, read_appended
 from bench.soak import Sample, judge, warm_up_s
-from deploy.stack.errors import DeployError
 from docs.generate import sections
 from docs.generate.ros2_crash import markdown, read_origins
 from docs.generate.ros2_crash import read as read_ros2
@@ -27,44 +25,34 @@ from faults.report.page import percent, read_campaigns, verdict
 from faults.report.statistics import upper_rate
 from faults.trial import Provenance
 
-RESULTS = {
-    "real": Path(__file__).parents[1] / "campaign" / "real.jsonl",
-    "virtual": Path(__file__).parents[1] / "campaign" / "virtual.jsonl.gz",
-}
-ROS2 = Path(__file__).parents[1] / "campaign" / "ros2_crash.jsonl"
-SOAK = Path(__file__).parents[1] / "campaign" / "soak.jsonl.gz"
+RESULTS = {"real": FOLDER / "real.jsonl", "virtual": FOLDER / "virtual.jsonl.gz"}
+ROS2, SOAK = FOLDER / "ros2_crash.jsonl", FOLDER / "soak.jsonl.gz"
 PLACES = {"real": "of real processes (blue)", "virtual": "on a virtual clock (grey)"}
-COMMANDS = {
-    "real": "lifeline faults --out docs/campaign/real.jsonl",
-    "virtual": "lifeline faults --virtual --out virtual.jsonl",
-}
 
 
 @cache
-def result(mode: str) -> Campaign | None:
-    """Return the committed campaign of a mode; None if there is none.
+def result(mode: str) -> Campaign:
+    """Return the committed campaign of a mode.
 
     Raises:
-        DeployError: its file is damaged, or has another mode.
+        DeployError: its file cannot be read or is damaged.
     """
-    path = RESULTS[mode]
-    if not path.exists():
-        return None
-    found, _ = read_campaigns([path])
-    for one in found:
-        if one.mode == mode:
-            return one
-    raise DeployError(f"{path} contains no {mode} trials")
+    (found,), _ = read_campaigns([RESULTS[mode]])
+    return found
 
 
 # --- the answer
 
 
-def answer(campaign: Campaign | None) -> str:
-    """Return the results for a killed teleop."""
-    found = None if campaign is None else campaign.find("teleop_sigkill")
-    if campaign is None or found is None or found.stop is None:
-        return _missing("real")
+def answer(campaign: Campaign) -> str:
+    """Return the results for a killed teleop.
+
+    Raises:
+        ValueError: none was measured.
+    """
+    found = campaign.find("teleop_sigkill")
+    if found is None or not (found.stop and found.wheels and found.standstill and found.distance):
+        raise ValueError("no teleop was killed in docs/campaign/real.jsonl")
     reasons = ", ".join(f"`{name}` {count} times" for name, count in found.detectors)
     which = "longest" if found.stop.limit is None else "upper 95 % limit of the 95 % quantile"
     lines = [
@@ -73,15 +61,16 @@ def answer(campaign: Campaign | None) -> str:
         f"**Measured** with SIGKILL of a real teleop while the robot drove, median and {which} (n = {found.stop.number:,}):",
         "",
         f"* zero on `cmd_vel` after {_pair(found.stop, 1000, '.1f', 'ms')}. Detected by {reasons}.",
+        f"* zero wheel command after {_pair(found.wheels, 1000, '.1f', 'ms')}.",
+        f"* standstill after {_pair(found.standstill, 1, '.2f', 's')}, and after {_pair(found.distance, 100, '.0f', 'cm')}.",
+        (
+            f"* broken promises: {f'{found.broken} of them' if found.broken else 'none'} "
+            f"(failure rate ≤ {percent(upper_rate(found.trials, found.broken))}, 95 % upper bound)."
+        ),
+        "",
+        *_origin(campaign),
     ]
-    if found.wheels is not None:
-        lines.append(f"* zero wheel command after {_pair(found.wheels, 1000, '.1f', 'ms')}.")
-    if found.standstill is not None and found.distance is not None:
-        stands = _pair(found.standstill, 1, ".2f", "s")
-        lines.append(f"* standstill after {stands}, and after {_pair(found.distance, 100, '.0f', 'cm')}.")
-    broken = f"{found.broken} of them" if found.broken else "none"
-    lines.append(f"* broken promises: {broken} ({_at_most(found)}).")
-    return "\n".join([*lines, "", *_origin(campaign)]).rstrip()
+    return "\n".join(lines).rstrip()
 
 
 def _pair(found: Spread, factor: float, digits: str, unit: str) -> str:
@@ -90,17 +79,11 @@ def _pair(found: Spread, factor: float, digits: str, unit: str) -> str:
     return f"{factor * found.median:{digits}} and {factor * upper:{digits}} {unit}"
 
 
-def _at_most(found: ClassFigures) -> str:
-    return f"failure rate ≤ {percent(upper_rate(found.trials, found.broken))}, 95 % upper bound"
-
-
 # --- the tables
 
 
-def table(mode: str, campaign: Campaign | None) -> str:
+def table(campaign: Campaign) -> str:
     """Return the table of a campaign's classes, and its broken promises."""
-    if campaign is None:
-        return _missing(mode)
     lines = [
         *_origin(campaign),
         verdict(campaign),
@@ -204,10 +187,6 @@ def soaked(samples: Sequence[Sample], origins: Sequence[Provenance]) -> str:
     return "\n".join(lines).rstrip()
 
 
-def _missing(mode: str) -> str:
-    return f"The repository has no results yet: create them with `{COMMANDS[mode]}`, then run `make docs`."
-
-
 # --- the document
 
 
@@ -223,10 +202,10 @@ def ros2_table() -> str:
 
 
 PARTS: sections.Parts = {
-    "caption": lambda: caption([one for mode in RESULTS if (one := result(mode)) is not None]),
+    "caption": lambda: caption([result(mode) for mode in RESULTS]),
     "answer": lambda: answer(result("real")),
-    "real": lambda: table("real", result("real")),
-    "virtual": lambda: table("virtual", result("virtual")),
+    "real": lambda: table(result("real")),
+    "virtual": lambda: table(result("virtual")),
     "ros2": ros2_table,
     "soak": lambda: soaked(*read_appended(SOAK, Sample)),
 }

@@ -92,9 +92,8 @@ PRESSES = 7
 def draw_stop_times(path: Path) -> None:
     """Draw a dot for each stop and a line for each bound; classes without a bound are not drawn."""
     classes = {
-        mode: [one for one in campaign.classes() if one.bound_s is not None and one.timed]
+        mode: [one for one in result(mode).classes() if one.bound_s is not None and one.timed]
         for mode in DOTS
-        if (campaign := result(mode)) is not None
     }
     drawn = {one.name for ones in classes.values() for one in ones}
     known = [one for one in CLASSES if one.name in drawn]
@@ -249,9 +248,8 @@ def _scaled(points: Sequence[tuple[float, float]], scale: float) -> tuple[list[f
 
 def main() -> None:
     style()
-    if any(result(mode) is not None for mode in DOTS):
-        with mpl.rc_context({"font.size": 12}):
-            draw_stop_times(IMAGES / "stop_times.png")
+    with mpl.rc_context({"font.size": 12}):
+        draw_stop_times(IMAGES / "stop_times.png")
     draw_soak(IMAGES / "soak.png")
     draw_sigkill(IMAGES / "sigkill.png", killed())
 

@@ -34,12 +34,8 @@ def grades() -> str:
     rows.append(("total", *(f"**{grade.points:g} of {grade.of}**" for grade in found)))
     commands = ", ".join(f"`{_command(run['command'])}`" for run in runs)
     origin = f"{runs[0]['date']} to {runs[-1]['date']}, {loads}, commit {runs[-1]['commit']}"
-    return "\n".join(
-        [
-            *markdown_table(("fault", *GRADES.values()), rows),
-            "",
-            f"One run each (n = 1), {origin}: {commands}.",
-        ]
+    return (
+        f"{markdown_table(('fault', *GRADES.values()), rows)}\n\nOne run each (n = 1), {origin}: {commands}."
     )
 
 

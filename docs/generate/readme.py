@@ -22,13 +22,13 @@ from docs.generate.crash_safety import ROS2, SOAK, result
 from docs.generate.draw_crash_animation import DRIVES, SPEED_M_S
 from docs.generate.passports import DEMO
 from docs.generate.passports import read as read_passport
-from docs.generate.ros2_crash import LIMIT_S, Fault, Robot
+from docs.generate.ros2_crash import KEEPS, KILL, LIMIT_S
 from docs.generate.ros2_crash import read as read_ros2
 from faults.report.figures import Campaign, Spread
 from passport.summary import sentence
 
 ROS2_PAGE = sections.ROOT / "docs/ros2.md"
-KILL = "teleop_sigkill"
+TELEOP_KILLED = "teleop_sigkill"
 
 
 def film() -> str:
@@ -40,19 +40,23 @@ def film() -> str:
     )
 
 
-def stop(campaign: Campaign | None) -> str:
-    """Return how long and how far a robot moves after SIGKILL of teleop, and what happens without Lifeline."""
-    found = None if campaign is None else campaign.find(KILL)
-    if campaign is None or found is None or not (found.stop and found.standstill and found.distance):
-        return "Not measured yet: `make campaign`."
+def stop(campaign: Campaign) -> str:
+    """Return how long and how far a robot moves after SIGKILL of teleop, and what happens without Lifeline.
+
+    Raises:
+        ValueError: none was measured.
+    """
+    found = campaign.find(TELEOP_KILLED)
+    if found is None or not (found.stop and found.standstill and found.distance):
+        raise ValueError("no teleop was killed in docs/campaign/real.jsonl")
     zero_s, still_s, moved_m = found.stop, found.standstill, found.distance
     runs = [
-        one.machine for one in campaign.provenances if "--classes" not in one.command or KILL in one.command
+        one.machine
+        for one in campaign.provenances
+        if "--classes" not in one.command or TELEOP_KILLED in one.command
     ]
     without = [
-        one
-        for one in read_ros2(ROS2)
-        if one.fault is Fault.KILL and one.robot is Robot.KEEPS and not one.lifeline
+        one for one in read_ros2(ROS2) if one.fault == KILL and one.robot == KEEPS and not one.lifeline
     ]
     stopped = sum(one.standstill_s is not None for one in without)
     return (

@@ -13,7 +13,7 @@ The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 import math
 import tempfile
 from collections import deque
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -172,7 +172,7 @@ def reasons_table(reasons: Mapping[StopReason, Reason] = REASONS) -> str:
     missing = [reason.name for reason in StopReason if reason not in reasons]
     if missing:
         raise ValueError(f"docs/generate/safety_law.py: REASONS has no row for {', '.join(missing)}")
-    return _table(
+    return markdown_table(
         ("reason", "raised by", "when", "cleared by", "why it exists, and known failures without it"),
         (
             (
@@ -239,11 +239,7 @@ def numbers_table() -> str:
             "`max_linear_m_s`, `max_angular_rad_s`",
         ),
     )
-    return _table(("letter", "what", "default", "in `[supervisor]`"), rows)
-
-
-def _table(head: Row, rows: Iterable[Row]) -> str:
-    return "\n".join(markdown_table(head, rows))
+    return markdown_table(("letter", "what", "default", "in `[supervisor]`"), rows)
 
 
 def seen_table() -> str:
@@ -284,12 +280,12 @@ def seen_table() -> str:
             "fixed",
         ),
     )
-    return _table(("what", "default", "in `[supervisor]`"), rows)
+    return markdown_table(("what", "default", "in `[supervisor]`"), rows)
 
 
 def profiles_table() -> str:
     """Return the table of the readings that mean "no return" in each lidar profile."""
-    return _table(
+    return markdown_table(
         (
             "profile",
             "“no return”, besides +Inf and readings from `range_max` on",
@@ -348,7 +344,7 @@ def motions_table() -> str:
         rows.append((name, "at rest", *(_permitted(p.at_rest) for p in found)))
         rows.append(("", "after driving ahead", *(_permitted(p.after_driving) for p in found)))
     motions = tuple(p.motion.name for p in _examined(text))
-    return _table(("lidars", "commanded", *motions), rows)
+    return markdown_table(("lidars", "commanded", *motions), rows)
 
 
 def _examined(text: str) -> tuple[Permitted, ...]:

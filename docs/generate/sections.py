@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-from bench.rig.sheet import Sheet, Verdict, sentences
+from bench.rig.sheet import Verdict, sentences
 from bench.rig.stored import loads
 
 ROOT = Path(__file__).parents[2]
@@ -40,11 +40,6 @@ def load_of(machines: Iterable[str]) -> str:
     found = [load for machine in machines for load in loads(machine)]
     least, most = min(found), max(found)
     return f"load average {least:.1f}" + (f" to {most:.1f}" if most > least else "")
-
-
-def markdown(sheet: Sheet) -> str:
-    """Return a sheet as a section."""
-    return "\n".join(sheet.section("###"))
 
 
 def targets(verdicts: Iterable[Verdict], run: Mapping[str, str]) -> str:

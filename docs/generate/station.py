@@ -296,7 +296,7 @@ def part(measured: Mapping[str, Measured]) -> str:
         sheets.append((drive(found_drive), [found_drive]))
     for sheet, rows in sheets:
         origins = map(origin, together([one.run for one in rows]))
-        parts.append(sections.markdown(replace(sheet, notes=(*sheet.notes, *origins))))
+        parts.append(replace(sheet, notes=(*sheet.notes, *origins)).markdown)
     return "\n\n".join(filter(None, parts))
 
 

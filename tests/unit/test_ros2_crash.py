@@ -6,15 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from docs.generate.ros2_crash import Fault, Robot, Teleop, Trial, cases, markdown, read
+from docs.generate.ros2_crash import KEEPS, KILL, Trial, markdown, read
 
 TRIAL = Trial(
-    Teleop.LAB,
-    Fault.KILL,
-    Robot.TIMEOUT,
+    "lab_teleop",
+    KILL,
+    "stops after 0.5 s",
     lifeline=False,
-    number=1,
-    speed_m_s=0.5,
     zero_s=None,
     standstill_s=0.75,
     distance_m=0.3,
@@ -28,17 +26,12 @@ def test_a_trial_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert read(file) == [TRIAL]
 
 
-@pytest.mark.parametrize("line", ["[]", "{}", "{", LINE.replace('"number"', '"count"')])
+@pytest.mark.parametrize("line", ["[]", "{}", "{", LINE.replace('"zero_s"', '"zero"')])
 def test_a_line_that_is_not_a_trial_is_refused(tmp_path: Path, line: str) -> None:
     file = tmp_path / "trials.jsonl"
     file.write_text(f"{line}\n")
     with pytest.raises(ValueError, match="validation error"):
         read(file)
-
-
-def test_each_combination_is_a_case() -> None:
-    found = cases(Teleop, Fault)
-    assert len(set(found)) == len(found) == 2 * 3 * 2 * 2
 
 
 def test_the_table_has_the_median_and_the_largest_of_each_case() -> None:
@@ -50,17 +43,17 @@ def test_the_table_has_the_median_and_the_largest_of_each_case() -> None:
 
 
 def test_the_table_names_the_robots_that_did_not_stop_and_their_distance_is_a_lower_bound() -> None:
-    keeps = replace(TRIAL, robot=Robot.KEEPS, standstill_s=None, distance_m=2.5)
+    keeps = replace(TRIAL, robot=KEEPS, standstill_s=None, distance_m=2.5)
     table = markdown([keeps, keeps])
     assert "| keeps the last command | no | 2 | 0 within 5 s | none | none | > 2.50 (2.50) m |" in table
 
 
 def test_the_rows_without_and_with_lifeline_follow_each_other() -> None:
-    without = [TRIAL, replace(TRIAL, fault=Fault.STOP)]
+    without = [TRIAL, replace(TRIAL, fault="SIGSTOP")]
     _, _, *rows = markdown([*without, *(replace(trial, lifeline=True) for trial in without)]).splitlines()
     assert [[row.split(" | ")[column] for column in (1, 3)] for row in rows] == [
-        [Fault.KILL, "no"],
-        [Fault.KILL, "yes"],
-        [Fault.STOP, "no"],
-        [Fault.STOP, "yes"],
+        [KILL, "no"],
+        [KILL, "yes"],
+        ["SIGSTOP", "no"],
+        ["SIGSTOP", "yes"],
     ]
