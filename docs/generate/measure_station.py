@@ -444,9 +444,7 @@ def main() -> None:
     line.option("runs", count, RUNS, "runs of each event")
     line.option("gaps", positive, GAPS_S, "duration of each phase without or beside stations [s]")
     line.option("drive", positive, DRIVE_S, "duration of the drive [s]")
-    line.option(
-        "only", one_of(PARTS), None, f"measure only these, also if stored: {', '.join(PARTS)}", many=True
-    )
+    line.option("only", one_of(PARTS), None, f"measure only these, also if stored: {', '.join(PARTS)}", many=True)
     line.file("json", f"store the results in FILE (default: docs/campaign/{station.STORED.name})")
     options = line.parse()
     command, now = line.repeat(options), commit()
