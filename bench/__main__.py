@@ -1,10 +1,11 @@
 """`python -m bench`: measure the law, the supervisor process and its restart, each beside a reference of the same run."""
 
+import argparse
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from bench import law, process, start
-from bench.rig.options import CommandLine, failing_in_a_sentence, one_of, progress
+from bench.rig.options import CommandLine, failing_in_a_sentence, progress
 from bench.rig.sheet import Sheet, Verdict, show
 from bench.rig.stored import rows_of, this_run, write_rows
 
@@ -26,6 +27,12 @@ PARTS: dict[str, Part] = {
 """The benchmarks by their names in the JSON lines."""
 
 
+def _part(text: str) -> str:
+    if text not in PARTS:
+        raise argparse.ArgumentTypeError(f"must be one of {', '.join(PARTS)}, not {text!r}")
+    return text
+
+
 def main() -> None:
     line = CommandLine(
         "bench",
@@ -33,7 +40,7 @@ def main() -> None:
         "the import of its libraries. Takes about four minutes.",
         "exit code: 0, even if a target is missed: these are benchmarks, not tests; 1 if a process fails; 130 after Ctrl-C",
     )
-    line.option("only", one_of(PARTS), list(PARTS), "measure only these", many=True)
+    line.option("only", _part, list(PARTS), "measure only these", many=True)
     line.file("json", "write the results as JSON lines")
     options = line.parse()
     measured: dict[str, Sequence[Any]] = {}

@@ -5,7 +5,7 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Collection, Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TypeVar
@@ -105,17 +105,6 @@ def number(kind: Callable[[str], N], holds: Callable[[N], bool], wanted: str) ->
             if math.isfinite(value) and holds(value):
                 return value
         raise argparse.ArgumentTypeError(f"must be a {wanted}, not {text!r}")
-
-    return read
-
-
-def one_of(names: Collection[str]) -> Callable[[str], str]:
-    """Return a type of options: one of some names."""
-
-    def read(text: str) -> str:
-        if text in names:
-            return text
-        raise argparse.ArgumentTypeError(f"must be one of {', '.join(names)}, not {text!r}")
 
     return read
 

@@ -4,6 +4,7 @@ It needs Debian's package chromium. Each measurement is stored when it ends: the
 nothing again that is stored from this commit, unless `--only` names it.
 """
 
+import argparse
 import asyncio
 import io
 import json
@@ -22,7 +23,7 @@ from websockets.asyncio.client import ClientConnection
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 
-from bench.rig.options import CommandLine, count, failing_in_a_sentence, one_of, positive, progress
+from bench.rig.options import CommandLine, count, failing_in_a_sentence, positive, progress
 from bench.rig.sheet import Times
 from bench.rig.stored import this_run
 from deploy.stack.provenance import commit
@@ -424,6 +425,12 @@ async def drive(folder: Path, seconds: float, origin: Origin) -> list[Measured]:
 # --- the command line
 
 
+def _part(text: str) -> str:
+    if text not in PARTS:
+        raise argparse.ArgumentTypeError(f"must be one of {', '.join(PARTS)}, not {text!r}")
+    return text
+
+
 async def measure(part: str, wanted: float, origin: Origin) -> list[Measured]:
     """Measure one of `PARTS`."""
     with tempfile.TemporaryDirectory(prefix="lifeline-", ignore_cleanup_errors=True) as name:
@@ -444,7 +451,7 @@ def main() -> None:
     line.option("runs", count, RUNS, "runs of each event")
     line.option("gaps", positive, GAPS_S, "duration of each phase without or beside stations [s]")
     line.option("drive", positive, DRIVE_S, "duration of the drive [s]")
-    line.option("only", one_of(PARTS), None, f"measure only these, also if stored: {', '.join(PARTS)}", many=True)
+    line.option("only", _part, None, f"measure only these, also if stored: {', '.join(PARTS)}", many=True)
     line.file("json", f"store the results in FILE (default: docs/campaign/{station.STORED.name})")
     options = line.parse()
     command, now = line.repeat(options), commit()
