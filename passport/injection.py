@@ -3,6 +3,7 @@
 import asyncio
 import math
 import signal
+import sys
 
 from deploy.stack import processes
 from deploy.stack.launch import Launch
@@ -55,8 +56,8 @@ class Operator:
         command = [*self._launch.command("passport.pilot"), "--source", self._source]
         command += ["--namespace", self._launch.bus.namespace]
         if with_link:
-            link = self._launch.command("passport.link")[:3]
-            self._link = Child([*link, str(socket_of(self._launch.bus.endpoint))])
+            socket = str(socket_of(self._launch.bus.endpoint))
+            self._link = Child([sys.executable, "-m", "passport.link", socket])
             port = await self._link.first_line()
             command[command.index("--endpoint") + 1] = f"tcp/127.0.0.1:{port}"
         self._program = Child(command)

@@ -15,6 +15,7 @@ from functools import cache
 
 from bench.rig.stored import FOLDER, read_appended
 from bench.soak import Sample, judge, warm_up_s
+from deploy.stack.errors import DeployError
 from docs.generate import sections
 from docs.generate.ros2_crash import markdown, read_origins
 from docs.generate.ros2_crash import read as read_ros2
@@ -35,10 +36,13 @@ def result(mode: str) -> Campaign:
     """Return the committed campaign of a mode.
 
     Raises:
-        DeployError: its file cannot be read or is damaged.
+        DeployError: its file cannot be read, is damaged, or has another mode.
     """
-    (found,), _ = read_campaigns([RESULTS[mode]])
-    return found
+    found, _ = read_campaigns([RESULTS[mode]])
+    for one in found:
+        if one.mode == mode:
+            return one
+    raise DeployError(f"{RESULTS[mode]} contains no {mode} trials")
 
 
 # --- the answer

@@ -17,8 +17,8 @@ export const NEW = {
 
 export const isPressed = (lease) => lease.pressed_s < Infinity;
 
-// Whether the supervisor has accepted a message that said that the button is pressed. If another page holds the lease, it answers
-// none, and a later status has to show the e-stop (isSeen).
+// Whether the supervisor has accepted a message that said that the button is pressed. While another page holds the lease, the
+// supervisor accepts no message of this page; then a later status must show the e-stop (isSeen).
 export const isConfirmed = (lease, isSeen = false) => lease.heard_s >= lease.pressed_s || (isSeen && isPressed(lease));
 
 export const isHeard = (lease, now_s) => now_s - lease.heard_s <= LEASE_S;
