@@ -168,7 +168,7 @@ class Driver:
         """Ask the person for a word.
 
         Raises:
-            AbortedError: the person types another one, or as for `ask`.
+            AbortedError: the person types another word, or as for `ask`.
         """
         if await self.ask(question) != word:
             raise AbortedError(f"not confirmed with {word!r}")

@@ -253,7 +253,7 @@ class Rounds:
         """Let the operator's program request a velocity.
 
         Raises:
-            SurpriseError: a key was pressed, or something else than the fault has stopped the robot.
+            SurpriseError: a key was pressed, or something other than the fault has stopped the robot.
         """
         self._operator.request(velocity)
         if plan.fault is Fault.ESTOP and not self.is_estop_latched:

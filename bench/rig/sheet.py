@@ -35,7 +35,7 @@ class Sheet:
 
     @property
     def markdown(self) -> str:
-        """A section of a document."""
+        """This sheet as a section of a markdown document."""
         table = markdown_table(self.columns, self.rows, others="--:")
         return "\n".join([f"### {self.title}", "", table, "", *(f"* {note}" for note in self.notes)])
 

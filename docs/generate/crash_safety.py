@@ -52,11 +52,11 @@ def answer(campaign: Campaign) -> str:
     """Return the results for a killed teleop.
 
     Raises:
-        ValueError: none was measured.
+        ValueError: the campaign has no measured trial of `teleop_sigkill`.
     """
     found = campaign.find("teleop_sigkill")
     if found is None or not (found.stop and found.wheels and found.standstill and found.distance):
-        raise ValueError("no teleop was killed in docs/campaign/real.jsonl")
+        raise ValueError("docs/campaign/real.jsonl contains no measured trial of teleop_sigkill")
     reasons = ", ".join(f"`{name}` {count} times" for name, count in found.detectors)
     which = "longest" if found.stop.limit is None else "upper 95 % limit of the 95 % quantile"
     lines = [

@@ -68,7 +68,7 @@ class PlainSocket:
     def __init__(self) -> None:
         self._signs_s = list[float]()
         self.connect = ""
-        """What a page evaluates to connect, and to say when it is hidden."""
+        """JavaScript by which a page connects, and then reports when it is hidden; empty before `served`."""
 
     @asynccontextmanager
     async def served(self) -> AsyncGenerator[None]:

@@ -44,11 +44,11 @@ def stop(campaign: Campaign) -> str:
     """Return how long and how far a robot moves after SIGKILL of teleop, and what happens without Lifeline.
 
     Raises:
-        ValueError: none was measured.
+        ValueError: the campaign has no measured trial of `teleop_sigkill`.
     """
     found = campaign.find(TELEOP_KILLED)
     if found is None or not (found.stop and found.standstill and found.distance):
-        raise ValueError("no teleop was killed in docs/campaign/real.jsonl")
+        raise ValueError("docs/campaign/real.jsonl contains no measured trial of teleop_sigkill")
     zero_s, still_s, moved_m = found.stop, found.standstill, found.distance
     runs = [
         one.machine

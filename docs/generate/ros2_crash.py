@@ -23,7 +23,7 @@ KILL, KEEPS = "SIGKILL", "keeps the last command"
 
 @dataclass(frozen=True)
 class Trial:
-    """One fault; all times from the fault. The file has further fields, which nothing needs."""
+    """One fault; all times are from the fault. The file has further fields, which are not read."""
 
     teleop: str
     """The operator's node."""

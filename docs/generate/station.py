@@ -190,13 +190,13 @@ def times(cases: Iterable[Case]) -> Sheet:
         cases,
         "From the event to the first zero on cmd_vel; for a key that is pressed, to the first motion. The time begins before the event is sent "
         "to the browser, or before the signal.",
-        "Before each other event, a key moves the robot. The zero has the cause that takes effect first: the end of the page's commands, the loss of "
+        "Before every other event, a held key moves the robot. The zero has the cause that takes effect first: the end of the page's commands, the loss of "
         "the station, or its press.",
         "95/95: upper 95 % confidence limit of the 95 % quantile; – with fewer than 59 runs.",
         "reference: from the put of the same change, motion or zero, by a source without a page, before each run.",
-        "plain websocket: from the event to its first sign at a websocket of the same page that has no other use: a message on `pagehide`, or its end. "
-        "The browser and its operating system take this time; no page can be faster.",
-        "repeated: runs that did not count and were repeated, and why: OVERRUN is a delay of the supervisor by the machine.",
+        "plain websocket: from the event to its first sign at another websocket of the same page, which has no other use. The sign is "
+        "a message on `pagehide`, or the end of this websocket. The browser and the operating system take about this time, whatever the page does.",
+        "repeated: runs that did not count and were repeated, and why; N replaces each number. OVERRUN is a delay of the supervisor by the machine.",
         "Debian's Chromium without a window, on the robot's computer; the robot is simulated. The page loses the focus by a `blur` event that is dispatched "
         "in it.",
     )
@@ -238,7 +238,7 @@ def gaps(found: Gaps) -> Sheet:
         "Gaps of cmd_vel beside stations [ms]",
         columns,
         found.phases,
-        f"{found.seconds:g} s each, in this order, while the robot stands. Each station is a separate `lifeline station` with one client in the place of a "
+        f"{found.seconds:g} s each, in this order, while the robot stands. Each station is a separate `lifeline station` with one client in place of a "
         "browser, which answers the challenges, and reports each picture as drawn after 1/60 s. Robot, stations and clients share the machine.",
     )
 

@@ -145,7 +145,7 @@ addEventListener("keydown", (event) => {
   if (event.repeat || event.target === release || event.target === person || event.ctrlKey || event.altKey || event.metaKey) return;
   if (!NO_STOP_KEYS.test(event.key) && !drive.takes(event)) press(event);
 });
-// If what a finger holds is hidden meanwhile, the finger would click what is below it when it lifts: the e-stop.
+// If a control is hidden while a finger is on it, the lift of the finger would click the e-stop below.
 addEventListener("touchend", (event) => {
   if (event.target.getClientRects().length === 0) event.preventDefault();
 });

@@ -144,7 +144,7 @@ class Page:
         await self.socket.send(json.dumps({"name": person}))
 
     async def send(self) -> None:
-        """Send the lease's next message; like a browser's websocket, a closed one sends nothing."""
+        """Send the lease's next message; nothing if the websocket is closed, as in a browser."""
         self.lease, message = sent(self.lease, next(CHALLENGES), asyncio.get_running_loop().time())
         numbers = {"challenge": str(message.challenge), "response": str(message.response)}
         with suppress(ConnectionClosed):

@@ -190,7 +190,7 @@ async def test_two_thumbs_drive_and_a_third_finger_stops(tmp_path: Path) -> None
 async def test_a_finger_that_lifts_from_a_control_which_is_hidden_meanwhile_presses_nothing(
     tmp_path: Path,
 ) -> None:
-    """The turn ends while a finger is on the screen, which then lifts from the e-stop."""
+    """The turn ends while a finger is on the screen; when the finger lifts, the e-stop is below it."""
     async with wheel(tmp_path) as (subject, _, _, tab):
         await tab.do("Emulation.setTouchEmulationEnabled", enabled=True)
         for place in ("#enable", "#stick", "#drive-end"):
@@ -243,7 +243,7 @@ async def test_a_key_is_held_no_more_when_the_process_of_the_browser_hangs_that_
 
 
 async def test_the_press_of_a_driver_without_the_lease_is_released_at_the_same_page(tmp_path: Path) -> None:
-    """The lease is held by another page of the same server; it needs no browser, or a busy machine would give it to the driver's page."""
+    """Another page of the same server holds the lease, without a browser: on a busy machine, a browser could lose it to the driver's page."""
     async with (
         served(tmp_path, topics.SUPERVISOR, topics.SIM, drives=True) as (subject, server),
         server.heard_page(subject),

@@ -39,7 +39,7 @@ def still_wanted() -> bool:
 
 
 def failing(number: int) -> Callable[..., Any]:
-    """Return a call of the disk that raises this error, with its path if it has one."""
+    """Return a stand-in for a disk call that raises this error, with its path if it has one."""
 
     def fail(*arguments: object, **_: object) -> Any:  # noqa: ANN401
         raise OSError(

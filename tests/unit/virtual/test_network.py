@@ -86,7 +86,7 @@ async def test_behind_a_router_the_supervisor_is_the_client_of_that_name(b: Benc
     assert (len(b.obeyed.take()), b.sim.alive) == (1, [topics.SUPERVISOR])
 
 
-async def test_whoever_hears_all_sources_hears_those_that_nobody_subscribes_to(b: Bench) -> None:
+async def test_a_listener_to_all_sources_hears_those_that_nobody_subscribes_to(b: Bench) -> None:
     for ears in (b.sim.hear_sources(), b.hub.hear_sources()):
         b.teleop.publisher(topics.source_cmd_vel("stranger")).put(planar_twist(0.0, 0.0))
         await asyncio.sleep(0.001)
@@ -124,7 +124,7 @@ async def test_a_longer_cut_ends_the_session_and_the_client_comes_back_by_itself
     assert b.values() == [1, 2], "what the cut held up has gone with its session"
 
 
-async def test_of_one_direction_only_the_other_goes_on_until_the_lease(b: Bench) -> None:
+async def test_a_cut_of_one_direction_leaves_the_other_until_the_lease_ends(b: Bench) -> None:
     b.network.cut("teleop", up=False)
     await b.say(5)
     assert b.values() == [1, 2, 3, 4, 5]
@@ -244,7 +244,7 @@ async def test_a_step_of_the_senders_clock_shows_in_its_stamps_alone(b: Bench) -
     assert second.source_time_ns - first.source_time_ns == pytest.approx(10e9)
 
 
-async def test_a_query_reaches_whoever_serves_and_the_first_answer_counts(b: Bench) -> None:
+async def test_a_query_reaches_each_process_that_serves_and_the_first_answer_counts(b: Bench) -> None:
     async def quick(text: str) -> TriggerResponse:
         return TriggerResponse(success=True, message=f"hub: {text}")
 
