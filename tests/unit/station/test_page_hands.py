@@ -194,9 +194,19 @@ def test_another_gamepad_that_is_held_when_the_first_one_is_lost_must_be_release
     lost: list[Step] = [*both, ["pads", [None, held]], ["window", "gamepaddisconnected", {}], ["frame", 50]]
     assert newest(*both) == 0
     assert newest(*lost, ["frame", 50]) == 0
-    again: list[Step] = [["pads", [None, of(1, held=False)]], ["frame", 50], ["pads", [None, held]], ["frame", 50]]
+    again: list[Step] = [
+        ["pads", [None, of(1, held=False)]],
+        ["frame", 50],
+        ["pads", [None, held]],
+        ["frame", 50],
+    ]
     assert newest(*lost, *again) == 1
-    assert newest(["pads", [None, of(1, held=False)]], ["frame", 50], ["pads", [of(0, held=True)]], ["frame", 50]) == 0
+    assert (
+        newest(
+            ["pads", [None, of(1, held=False)]], ["frame", 50], ["pads", [of(0, held=True)]], ["frame", 50]
+        )
+        == 0
+    )
 
 
 @pytest.mark.parametrize("hold", [[W], PULLED, [*pad(held=False), *pad(held=True)]])
