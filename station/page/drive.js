@@ -19,6 +19,7 @@ let sent_s = -Infinity;
 let sentZero = true;
 let answered_s = -Infinity; // when the newest question was asked to which the browser's own process has replied
 let isAsking = false;
+let padIndex; // of the gamepad that was read last
 
 // Called with the token of the session when the page is connected, and with an empty one when it is not.
 export function offer(ofSession) {
@@ -90,6 +91,8 @@ function beat(own) {
   // Every page in sight reads the same gamepad: it drives the one that has the focus.
   const pads = isReached && document.hasFocus() ? navigator.getGamepads?.() : [];
   const pad = pads?.find((one) => one?.connected && one.mapping === "standard") ?? null;
+  if (pad?.index !== padIndex) follow(wishes.padRead(wish, null)); // another one: it must be released first
+  padIndex = pad?.index;
   const buttons = pad?.buttons.map((one) => one.pressed);
   follow(wishes.padRead(wish, pad === null ? null : { buttons, axes: pad.axes }));
   if (now_s() - sent_s >= (isTaken ? BEAT_S : WAIT_BEAT_S)) send();

@@ -24,7 +24,8 @@ const dark = matchMedia("(prefers-color-scheme: dark)");
 let token = ""; // of the session; empty: no pictures
 let socket = null;
 let robot = null;
-let shown_s = -Infinity;
+let asked_s = -Infinity; // when the next picture was asked for: it is made later, however long it then takes to come
+let shown_s = -Infinity; // when the newest picture was asked for
 let number = 0; // of the newest picture that was submitted for drawing; 0 if none is seen
 let chart = []; // [time, requested, permitted, measured] of the straight velocity
 
@@ -43,6 +44,7 @@ export function end() {
 
 function connect() {
   if (token === "" || socket !== null) return;
+  asked_s = now_s();
   const own = (socket = connection("picture"));
   own.onopen = () => own.send(JSON.stringify({ token }));
   own.onmessage = (event) => own === socket && onMessage(JSON.parse(event.data));
@@ -73,10 +75,11 @@ function onMessage(message) {
   const own = socket;
   requestAnimationFrame(() => {
     if (own !== socket) return;
-    shown_s = now_s();
-    show(true);
+    shown_s = asked_s;
+    show(now_s() - shown_s <= LATE_S);
     describe(message);
     number = draw(message) ? message.number : 0;
+    asked_s = now_s();
     own.send(JSON.stringify({ drawn: message.number }));
   });
 }

@@ -174,9 +174,7 @@ for (const type of ["pointerdown", "keydown", "pointerup", "pointerleave", "poin
 
 function sentence(word) {
   if (word === "NOT HEARD") {
-    const isStopped = leases.isConfirmed(lease, view.seen) || view.latched;
-    const press = isStopped ? "Pressed, and the robot is stopped. " : "PRESSED, not confirmed. ";
-    return (leases.isPressed(lease) ? press : "") + whyNotHeard();
+    return pressNotHeard() + whyNotHeard();
   }
   if (leases.isPressed(lease)) {
     if (!leases.isConfirmed(lease) || word !== "STOPPED") return "Pressed: waiting for the confirmation.";
@@ -184,6 +182,15 @@ function sentence(word) {
   }
   if (word === "STOPPED") return `The robot is stopped${view.cause && `: ${view.cause}`}.`;
   return `Touch anywhere to stop.${view.required ? " Closing or hiding this page stops the robot, too." : ""}`;
+}
+
+// After its confirmation, somebody may have reset the e-stop: only a status tells.
+function pressNotHeard() {
+  if (!leases.isPressed(lease)) return "";
+  if (view.latched) return "Pressed, and the robot is stopped. ";
+  return leases.isConfirmed(lease, view.seen)
+    ? "Pressed and confirmed before. Touch again to stop again. "
+    : "PRESSED, not confirmed. ";
 }
 
 function whyNotHeard() {

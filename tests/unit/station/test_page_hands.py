@@ -85,7 +85,7 @@ for (const [name, ...parts] of JSON.parse(readFileSync(0))) {
   await new Promise(setImmediate); // the browser replies
 }
 const texts = Object.fromEntries(Object.entries(elements).map(([id, one]) => [id, one.textContent]));
-console.log(JSON.stringify([sent, { ...texts, sockets: sockets.map((one) => one.url).join(" ") }, pictures.drawn()]));
+console.log(JSON.stringify([sent, { ...texts, sockets: sockets.map((one) => one.url).join(" "), isPictureShown: String(!element("picture").hidden) }, pictures.drawn()]));
 """
 Step = list[Any]
 TURN: Step = ["turn", True, "", ""]
@@ -180,6 +180,33 @@ def test_a_gamepad_drives_only_the_page_that_has_the_focus() -> None:
     assert newest(*lost) == 0
     assert newest(*lost, ["focus", True], ["frame", 50]) == 0, "still held"
     assert newest(*lost, ["focus", True], *pad(held=False), *pad(held=True)) == 1
+
+
+def test_another_gamepad_that_is_held_when_the_first_one_is_lost_must_be_released_first() -> None:
+    """The person changes to another gamepad; the first one, which nobody holds, ends later."""
+
+    def of(index: int, *, held: bool) -> dict[str, Any]:
+        buttons = [{"pressed": held and number == 4} for number in range(5)]
+        return {"index": index, "connected": True, "mapping": "standard", "buttons": buttons, "axes": [0, -1]}
+
+    free, held = of(0, held=False), of(1, held=True)
+    both: list[Step] = [["pads", [free, held]], ["frame", 50], ["frame", 50]]
+    lost: list[Step] = [*both, ["pads", [None, held]], ["window", "gamepaddisconnected", {}], ["frame", 50]]
+    assert newest(*both) == 0
+    assert newest(*lost, ["frame", 50]) == 0
+    again: list[Step] = [
+        ["pads", [None, of(1, held=False)]],
+        ["frame", 50],
+        ["pads", [None, held]],
+        ["frame", 50],
+    ]
+    assert newest(*lost, *again) == 1
+    assert (
+        newest(
+            ["pads", [None, of(1, held=False)]], ["frame", 50], ["pads", [of(0, held=True)]], ["frame", 50]
+        )
+        == 0
+    )
 
 
 @pytest.mark.parametrize("hold", [[W], PULLED, [*pad(held=False), *pad(held=True)]])
@@ -297,6 +324,17 @@ def test_only_a_picture_that_is_large_enough_to_be_seen_counts_as_drawn() -> Non
     assert (sent[-1], drawn) == ({"drawn": 1}, 1)
     sent, _, drawn = run(*begun, ["map", 0], picture(2), ["frame", 50])
     assert (sent[-1], drawn) == ({"drawn": 2}, 0)
+
+
+def test_a_picture_that_a_slow_link_brings_late_is_not_shown_as_new() -> None:
+    """The server makes it when the page has drawn the one before: it is as old as that at most."""
+    first: list[Step] = [["pictures"], ROBOT, picture(1), ["frame", 50]]
+    assert run(*first)[1]["isPictureShown"] == "true"
+    assert run(*first, ["frame", 900], picture(2), ["frame", 50])[1]["isPictureShown"] == "true"
+    late: list[Step] = [*first, ["frame", 2900], picture(2), ["frame", 50]]
+    sent, texts, _ = run(*late)
+    assert (sent[-1], texts["isPictureShown"]) == ({"drawn": 2}, "false")
+    assert run(*late, picture(3), ["frame", 50])[1]["isPictureShown"] == "true"
 
 
 @pytest.mark.parametrize(("code", "connections"), [(4429, 2), (1006, 2), (4404, 1)])

@@ -127,6 +127,17 @@ def test_without_the_lease_a_press_is_released_after_a_status_has_shown_the_esto
     assert (stops(sent)[-1], is_hidden) == (False, True)
 
 
+@pytest.mark.parametrize("problem", ["The supervisor has no station phone.", "Waiting for the supervisor."])
+def test_a_page_that_is_not_heard_says_that_the_robot_is_stopped_only_while_a_status_shows_it(
+    problem: str,
+) -> None:
+    """Somebody has reset the e-stop, or no status arrives: nobody here knows whether the robot drives."""
+    _, _, sentence = run(*BEGUN, TOUCH, SEEN, ["view", {"seen": True, "problem": problem}], ["pass", 50])
+    assert "is stopped" not in sentence
+    assert sentence.startswith("Pressed and confirmed before.")
+    assert sentence.endswith(problem)
+
+
 @pytest.mark.parametrize(
     "then",
     [
