@@ -27,6 +27,7 @@ from station.driving import Driving, Person, Pictures
 from station.messages import BadMessageError, Fields, HandOver, Hello, Wanted
 from station.pairing import Pairing, Session
 from station.relay import MAX_PAGES, Relay, Run
+from station.visitors import VISIT_S
 from wire.message_types import EstopLease
 
 _log = logging.getLogger(__name__)
@@ -192,7 +193,7 @@ class Application:
         visitor, socket = websocket.state.visitor, Socket(websocket)
         try:
             await websocket.accept()
-            hello = messages.read_hello(await socket.read())
+            hello = messages.read_hello(await socket.read(VISIT_S))  # it holds nothing before
             session = self._session(hello, begins=serve == self._lease)
             if hello.name is not None:
                 session.name = hello.name

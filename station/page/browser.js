@@ -8,5 +8,11 @@ export function write(id, text) {
   if (element(id).textContent !== text) element(id).textContent = text;
 }
 
+// An input method may enter more than the field permits, and the server refuses what is longer.
+export function nameOfPerson() {
+  const { value, maxLength } = element("name");
+  return [...value].slice(0, maxLength).join("");
+}
+
 export const connection = (path) =>
   new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/${path}`);

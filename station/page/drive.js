@@ -1,13 +1,14 @@
 // Drives the robot from this page while something is held. Every change goes out in its own event, and the heartbeat comes from
 // the drawing of frames: a page that is hidden or hangs sends nothing, and the robot stops.
 
-import { connection, element, now_s, write } from "./browser.js";
+import { connection, element, nameOfPerson, now_s, write } from "./browser.js";
 import { LEASE_S } from "./lease.js";
 import * as pictures from "./picture.js";
 import * as wishes from "./wish.js";
 
 const BEAT_S = 0.03;
 const WAIT_BEAT_S = 0.2; // while another page drives
+const TWO = "Two controls are held: let go, and press one.";
 const STALLED_BYTES = 2000; // of commands that the browser could not send yet
 
 let token = ""; // empty: this page may not drive now
@@ -19,7 +20,6 @@ let sent_s = -Infinity;
 let sentZero = true;
 let answered_s = -Infinity; // when the newest question was asked to which the browser's own process has replied
 let isAsking = false;
-let padIndex; // of the gamepad that was read last
 
 // Called with the token of the session when the page is connected, and with an empty one when it is not.
 export function offer(ofSession) {
@@ -39,20 +39,22 @@ export const takes = (event) => socket !== null && wishes.isDriveKey(event.code)
 
 // Forgets everything that is held: it must be pressed again.
 export function letGo(why) {
-  if (!wishes.isHeld(wish)) return;
-  change(wishes.NOTHING);
+  const wasHeld = wishes.isHeld(wish);
+  wish = wishes.forgotten(wish); // also a gamepad that nobody holds: it must be seen released again
+  if (!wasHeld) return;
+  changed();
   showReason(why);
 }
 
 function begin() {
   if (token === "" || socket !== null) return;
   const own = (socket = connection("drive"));
-  own.onopen = () => own.send(JSON.stringify({ token, name: element("name").value }));
+  own.onopen = () => own.send(JSON.stringify({ token, name: nameOfPerson() }));
   own.onmessage = (event) => {
     if (own !== socket) return;
     const message = JSON.parse(event.data);
     if (message.kind === "turn") return onTurn(message);
-    change(wishes.NOTHING);
+    change(wishes.forgotten(wish));
     showReason(message.sentence); // it stays until something is held again
   };
   own.onclose = (event) => own === socket && end(event.reason || "The connection has ended: press Drive again.");
@@ -76,7 +78,7 @@ function end(why) {
   const own = socket;
   socket = null;
   isTaken = false;
-  wish = wishes.NOTHING;
+  wish = wishes.forgotten(wish);
   own?.close();
   if (own !== null) showReason(why);
   render();
@@ -91,10 +93,8 @@ function beat(own) {
   // Every page in sight reads the same gamepad: it drives the one that has the focus.
   const pads = isReached && document.hasFocus() ? navigator.getGamepads?.() : [];
   const pad = pads?.find((one) => one?.connected && one.mapping === "standard") ?? null;
-  if (pad?.index !== padIndex) follow(wishes.padRead(wish, null)); // another one: it must be released first
-  padIndex = pad?.index;
   const buttons = pad?.buttons.map((one) => one.pressed);
-  follow(wishes.padRead(wish, pad === null ? null : { buttons, axes: pad.axes }));
+  follow(wishes.padRead(wish, pad === null ? null : { index: pad.index, buttons, axes: pad.axes }));
   if (now_s() - sent_s >= (isTaken ? BEAT_S : WAIT_BEAT_S)) send();
 }
 
@@ -112,6 +112,11 @@ async function ask() {
 function change(next) {
   if (!wishes.isHeld(wish) && wishes.isHeld(next)) showReason("");
   wish = next;
+  if (wishes.areTwoHeld(wish)) letGo(TWO);
+  else changed();
+}
+
+function changed() {
   send();
   render();
 }
@@ -120,6 +125,7 @@ function change(next) {
 function follow(next) {
   if (next === wish) return;
   wish = next;
+  if (wishes.areTwoHeld(wish)) return letGo(TWO);
   if (!sentZero && wanted().every((one) => one === 0)) send();
   render();
 }
@@ -169,7 +175,10 @@ element("stick").addEventListener("pointerdown", (event) => {
 
 function lift(event) {
   const next = wishes.lifted(wish, event.pointerId);
-  if (next.enable !== wish.enable || next.stick !== wish.stick) change(next);
+  if (next === wish) return;
+  const why = wish.enable === event.pointerId && wish.stick !== null ? "Hold to drive was released: touch both again." : "";
+  change(next);
+  showReason(why);
 }
 
 addEventListener("pointermove", (event) => {
@@ -185,14 +194,20 @@ addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey) return letGo("Another key was pressed: press again.");
   if (!takes(event)) return;
   event.preventDefault();
-  if (!event.repeat) change(wishes.keyHeld(wish, event.code));
+  if (event.repeat) return;
+  if (wishes.isUnseen(wish, event.code)) return showReason("The page has not seen the key's release: release it, and press again.");
+  change(wishes.keyHeld(wish, event.code));
 });
 addEventListener("keyup", (event) => {
-  if (wish.keys.includes(event.code)) change(wishes.keyLifted(wish, event.code));
+  const wasHeld = wish.keys.includes(event.code);
+  const next = wishes.keyLifted(wish, event.code);
+  if (wasHeld) change(next);
+  else wish = next;
 });
 
 addEventListener("blur", () => letGo("Something else has the focus: press again."));
 document.addEventListener("visibilitychange", () => letGo("The page was hidden: press again."));
+addEventListener("resize", () => letGo("The page has another size: press again."));
 addEventListener("gamepaddisconnected", () => letGo("The gamepad was lost: connect it, and press again."));
 
 function request(message) {

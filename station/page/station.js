@@ -2,7 +2,7 @@
 //
 // The lease is held from this loop: a page that hangs, hides or closes is not heard, and the server sends nothing in its place.
 
-import { connection, element, now_s, write } from "./browser.js";
+import { connection, element, nameOfPerson, now_s, write } from "./browser.js";
 import * as leases from "./lease.js";
 import * as drive from "./drive.js";
 import * as pictures from "./picture.js";
@@ -74,7 +74,7 @@ function tell(message) {
 }
 
 function sendName() {
-  tell({ name: person.value });
+  tell({ name: nameOfPerson() });
 }
 person.addEventListener("change", sendName);
 
@@ -100,6 +100,7 @@ function disconnected(why, number = 0) {
   drive.offer("");
   isWelcome = false;
   challenge = null;
+  isAnswering = false; // a page that comes back from the history may get no reply any more
   lease = leases.disconnected(lease);
   view = { ...view, latched: false, seen: false };
   ending = why;

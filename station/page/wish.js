@@ -1,7 +1,8 @@
 // What the hands at the page want. Pure: each event gives the next state, and any doubt gives zero.
 //
 // Motion lasts only while something is held: a stick with the mouse, a stick and the enable button with two thumbs, keys, or a
-// gamepad with its dead-man button. Only one of them counts: with two at the same time, the wish is zero.
+// gamepad with its dead-man button. With two of these at the same time, the wish is zero, and both must be pressed again: the
+// release of one must not begin the motion of the other. Only among keys, the rest counts when one is released.
 
 const KEYS = {
   KeyW: [1, 0],
@@ -17,11 +18,18 @@ const DEAD_ZONE = 0.15;
 const LEVELS = 5;
 const DEAD_MAN = 4; // left shoulder button, in the standard mapping
 
-// isPadFree: whether the gamepad was seen with its dead-man button released since everything was last forgotten.
-export const NOTHING = { enable: null, stick: null, keys: [], pad: null, isPadFree: false };
+// freePad: the number of the gamepad that was seen with its dead-man button released since everything was last forgotten.
+// unseen: the keys that were held when everything was forgotten, and whose release was not seen since.
+export const NOTHING = { enable: null, stick: null, keys: [], pad: null, freePad: null, unseen: [] };
+
+// A browser may report a key that is still held as pressed anew, when the page has the focus again: its release must be seen first.
+export const forgotten = (wish) => ({ ...NOTHING, unseen: [...wish.unseen, ...wish.keys] });
 
 export const isHeld = (wish) =>
   wish.enable !== null || wish.stick !== null || wish.keys.length > 0 || wish.pad !== null;
+
+export const areTwoHeld = (wish) =>
+  [wish.stick !== null, wish.keys.length > 0, wish.pad !== null].filter(Boolean).length > 1;
 
 export const isDriveKey = (code) => code in KEYS;
 
@@ -33,24 +41,29 @@ export const pulled = (wish, pointer, x, y, isTouch) => ({ ...wish, stick: { poi
 export const moved = (wish, pointer, x, y) =>
   wish.stick?.pointer === pointer ? { ...wish, stick: { ...wish.stick, x, y } } : wish;
 
-export const lifted = (wish, pointer) => ({
-  ...wish,
-  enable: wish.enable === pointer ? null : wish.enable,
-  stick: wish.stick?.pointer === pointer ? null : wish.stick,
-});
+// Without the enable button, the stick must be touched again, too.
+export function lifted(wish, pointer) {
+  if (wish.enable === pointer) return forgotten(wish);
+  return wish.stick?.pointer === pointer ? { ...wish, stick: null } : wish;
+}
+
+export const isUnseen = (wish, code) => wish.unseen.includes(code);
 
 export const keyHeld = (wish, code) =>
-  isDriveKey(code) && !wish.keys.includes(code) ? { ...wish, keys: [...wish.keys, code] } : wish;
+  isDriveKey(code) && !wish.keys.includes(code) && !isUnseen(wish, code) ? { ...wish, keys: [...wish.keys, code] } : wish;
 
-export const keyLifted = (wish, code) => ({ ...wish, keys: wish.keys.filter((one) => one !== code) });
+export function keyLifted(wish, code) {
+  const others = (codes) => codes.filter((one) => one !== code);
+  return { ...wish, keys: others(wish.keys), unseen: others(wish.unseen) };
+}
 
-// buttons: whether each is pressed; axes: from -1 to 1, the first to the right, the second down.
-// A gamepad is read again and again: a button that is still held must be released before it counts again.
+// index: the number of the gamepad; buttons: whether each is pressed; axes: from -1 to 1, the first to the right, the second down.
+// A gamepad is read again and again: a button that is still held, or another gamepad, must be released before it counts.
 export function padRead(wish, pad) {
   const isPressed = pad !== null && pad.buttons[DEAD_MAN] === true;
-  if (isPressed && wish.isPadFree) return { ...wish, pad: { x: pad.axes[0] ?? 0, y: -(pad.axes[1] ?? 0) } };
-  const isPadFree = pad !== null && !isPressed;
-  return wish.pad === null && wish.isPadFree === isPadFree ? wish : { ...wish, pad: null, isPadFree };
+  if (isPressed && wish.freePad === pad.index) return { ...wish, pad: { x: pad.axes[0] ?? 0, y: -(pad.axes[1] ?? 0) } };
+  const freePad = pad === null || isPressed ? null : pad.index;
+  return wish.pad === null && wish.freePad === freePad ? wish : { ...wish, pad: null, freePad };
 }
 
 const clamp = (value) => Math.max(-1, Math.min(1, Number.isFinite(value) ? value : 0));
@@ -64,8 +77,7 @@ function ofStick(x, y) {
 
 // Returns the shares of the largest velocity and rate, at a speed level from 1 to 5.
 export function wanted(wish, level) {
-  const held = [wish.stick !== null, wish.keys.length > 0, wish.pad !== null];
-  if (held.filter(Boolean).length !== 1) return [0, 0];
+  if (areTwoHeld(wish)) return [0, 0];
   if (wish.stick?.isTouch && (wish.enable === null || wish.enable === wish.stick.pointer)) return [0, 0];
   const keys = wish.keys.map((code) => KEYS[code]);
   const pull = wish.stick ?? wish.pad;

@@ -83,6 +83,7 @@ class Server(Operator):
                 yield page
             finally:
                 answering.cancel()
+                print(f"a page's connection ended with {socket.close_code}")  # for a failed test
 
     @asynccontextmanager
     async def heard_page(self, subject: Robot) -> AsyncGenerator["Page"]:

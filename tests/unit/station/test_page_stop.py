@@ -19,7 +19,7 @@ const listen = (of) => (type, call) => (of[type] ??= []).push(call);
 const made = () => {
   const own = {};
   return {
-    own, dataset: {}, style: {}, hidden: false, textContent: "", value: "", classList: { add() {}, remove() {} },
+    own, dataset: {}, style: {}, hidden: false, textContent: "", value: "", maxLength: 24, classList: { add() {}, remove() {} },
     addEventListener: listen(own), animate: () => ({}),
   };
 };
@@ -43,7 +43,9 @@ Object.assign(globalThis, {
     close() { this.readyState = 3; }
   },
 });
-Object.defineProperty(globalThis, "navigator", { value: { locks: { query: () => Promise.resolve() } } });
+let hangs = false; // the browser's own process
+const query = () => (hangs ? new Promise(() => {}) : Promise.resolve());
+Object.defineProperty(globalThis, "navigator", { value: { locks: { query } } });
 Object.defineProperty(globalThis, "performance", { value: { now: () => clock_ms } });
 await import("./station.js");
 const newest = () => sockets.filter((one) => one.url === "ws://x/lease").at(-1);
@@ -54,6 +56,8 @@ const steps = {
     hear({ kind: "welcome", station: "phone", token: "token", may_drive: true });
   },
   view(fields) { hear({ kind: "view", problem: "", cause: "", latched: false, seen: false, required: true, driver: "", ...fields }); },
+  hang(does) { hangs = does; },
+  challenge(number) { hear({ kind: "lease", challenge: number, response: "0", stop: false }); },
   closed() { newest().onclose({ reason: "", code: 1006 }); },
   fill(id, value) {
     element(id).value = value;
@@ -157,3 +161,24 @@ def test_a_press_is_that_of_the_person_whose_name_is_still_being_entered() -> No
     sent, _, _ = run(*BEGUN, ["fill", "name", "Ben"], TOUCH)
     assert sent[-2:-1] == [{"name": "Ben"}]
     assert sent[-1]["stop"] is True
+
+
+def test_a_name_that_is_longer_than_the_server_accepts_is_cut() -> None:
+    """An input method may enter more than the field permits; the server would close each connection of this page."""
+    crabs = "\U0001f980" * 30
+    sent, _, _ = run(["fill", "name", crabs], *BEGUN)
+    assert sent[1] == {"name": crabs[:24]}
+
+
+def test_a_page_that_comes_back_answers_although_the_browser_never_replied_before() -> None:
+    """A page that was put into the history may get no reply to what it asked before."""
+    lost: list[Step] = [
+        *BEGUN,
+        ["hang", True],
+        ["challenge", "7"],
+        ["closed"],
+        ["pass", 600],
+        ["hang", False],
+    ]
+    sent, _, _ = run(*lost, ["welcome"], ["challenge", "8"], ["pass", 0])
+    assert [one["response"] for one in sent if "response" in one][-1] == "8"

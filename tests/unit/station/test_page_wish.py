@@ -11,7 +11,7 @@ from tests.unit.station.test_page_lease import in_node
 PROGRAM = """
 import { readFileSync } from "node:fs";
 import * as wishes from "./wish.js";
-const step = (wish, [name, ...parts]) => (name === "forget" ? wishes.NOTHING : wishes[name](wish, ...parts));
+const step = (wish, [name, ...parts]) => wishes[name](wish, ...parts);
 const run = ([events, level]) => {
   let wish = wishes.NOTHING;
   return events.map((event) => {
@@ -23,8 +23,10 @@ console.log(JSON.stringify(JSON.parse(readFileSync(0)).map(run)));
 """
 SEQUENCES, EVENTS = 300, 40
 BUTTONS = [False, False, False, False, True]
-FREE = ["padRead", {"buttons": [False] * 5, "axes": [0, 0]}]
-AHEAD = ["padRead", {"buttons": BUTTONS, "axes": [0, -1]}]
+FREE = ["padRead", {"index": 0, "buttons": [False] * 5, "axes": [0, 0]}]
+AHEAD = ["padRead", {"index": 0, "buttons": BUTTONS, "axes": [0, -1]}]
+OTHER = ["padRead", {"index": 1, "buttons": BUTTONS, "axes": [0, -1]}]
+PULLED = ["pulled", 1, 0, 1, True]
 W, S, A, D = (["keyHeld", f"Key{name}"] for name in "WSAD")
 Event = list[Any]
 
@@ -63,11 +65,11 @@ def wanted(*events: Event, level: float = 5) -> list[float]:
         ([["pulled", 1, 0, 1, False], ["moved", 2, 0, -1]], [1, 0]),
         ([["pulled", 1, 0, 1, False], W], [0, 0]),
         ([FREE, AHEAD], [1, 0]),
-        ([FREE, ["padRead", {"buttons": [False] * 5, "axes": [0, -1]}]], [0, 0]),
-        ([FREE, ["padRead", {"buttons": BUTTONS, "axes": []}]], [0, 0]),
+        ([FREE, ["padRead", {"index": 0, "buttons": [False] * 5, "axes": [0, -1]}]], [0, 0]),
+        ([FREE, ["padRead", {"index": 0, "buttons": BUTTONS, "axes": []}]], [0, 0]),
         ([FREE, AHEAD, ["padRead", None]], [0, 0]),
         ([FREE, AHEAD, ["pulled", 1, 0, 1, False]], [0, 0]),
-        ([W, ["forget"]], [0, 0]),
+        ([W, ["forgotten"]], [0, 0]),
     ],
 )
 def test_motion_lasts_while_one_thing_is_held(events: list[Event], share: list[float]) -> None:
@@ -75,13 +77,36 @@ def test_motion_lasts_while_one_thing_is_held(events: list[Event], share: list[f
 
 
 @pytest.mark.parametrize(
-    "before", [[], [FREE, AHEAD, ["forget"]], [FREE, AHEAD, ["padRead", None]], [FREE, ["padRead", None]]]
+    "before",
+    [
+        [],
+        [FREE, AHEAD, ["forgotten"]],
+        [FREE, ["forgotten"]],
+        [FREE, AHEAD, ["padRead", None]],
+        [FREE, ["padRead", None]],
+        [FREE, OTHER],
+        [FREE, AHEAD, OTHER],
+    ],
 )
 def test_a_gamepad_that_is_held_when_it_comes_or_after_a_stop_drives_only_after_its_button_was_released(
     before: list[Event],
 ) -> None:
     assert wanted(*before, AHEAD, AHEAD) == [0, 0]
     assert wanted(*before, AHEAD, FREE, AHEAD) == [1, 0]
+
+
+def test_after_the_enable_button_was_released_the_stick_must_be_touched_again() -> None:
+    released: list[Event] = [["enabled", 2], PULLED, ["lifted", 2], ["enabled", 2]]
+    assert wanted(*released) == wanted(*released, ["moved", 1, 0, 1]) == [0, 0]
+    assert wanted(*released, PULLED) == [1, 0]
+
+
+def test_a_key_that_was_held_when_everything_was_forgotten_drives_only_after_its_release_was_seen() -> None:
+    """X11 repeats a held key, and Chromium calls the first repeat after two seconds a new press."""
+    for again in ([W], [["forgotten"], W], [["keyLifted", "KeyA"], W]):
+        assert wanted(W, ["forgotten"], *again) == [0, 0]
+    assert wanted(W, ["forgotten"], A) == [0, 1]
+    assert wanted(W, ["forgotten"], ["keyLifted", "KeyW"], W) == [1, 0]
 
 
 def test_the_speed_level_scales_both_velocities() -> None:
@@ -101,14 +126,16 @@ def test_no_sequence_of_events_moves_without_a_hand() -> None:
                 not stick["isTouch"] or wish["enable"] not in (None, stick["pointer"])
             )
             if (linear, angular) != (0, 0):
-                assert wish["pad"] is None or wish["isPadFree"]
+                assert wish["pad"] is None or wish["freePad"] is not None
+                assert not set(wish["keys"]) & set(wish["unseen"])
                 assert has_thumbs + bool(wish["keys"]) + (wish["pad"] is not None) == 1
 
 
 def event(chance: random.Random) -> Event:
     pointer, place = chance.randrange(1, 4), [round(chance.uniform(-1.5, 1.5), 2) for _ in range(2)]
     code = chance.choice(["KeyW", "KeyA", "KeyS", "ArrowUp", "KeyX"])
-    pad = chance.choice([None, {"buttons": BUTTONS, "axes": place}, {"buttons": [], "axes": place}])
+    buttons, index = chance.choice([BUTTONS, []]), chance.randrange(2)
+    pad = chance.choice([None, {"index": index, "buttons": buttons, "axes": place}])
     return chance.choice(
         [
             ["enabled", pointer],
@@ -118,6 +145,6 @@ def event(chance: random.Random) -> Event:
             ["keyHeld", code],
             ["keyLifted", code],
             ["padRead", pad],
-            ["forget"],
+            ["forgotten"],
         ]
     )
