@@ -26,6 +26,7 @@ from deploy.stack.launch import DEFAULT_CONFIG
 from deploy.stack.statedir import StateDir
 from supervisor.service import STALLED
 from tests.system import fake_ros2
+from tests.system.operators import AGAIN_S
 from tests.system.ports import free_endpoint
 from tests.system.rogue import freezing
 from tests.unit.lifeline.test_own_passport import passport_of
@@ -33,7 +34,7 @@ from tests.unit.passport.test_reading import bundle
 from wire import topics
 from wire.bundle import AUTHORITY
 from wire.bus import NoReplyError
-from wire.messages import Bool
+from wire.messages import Bool, SafetyStatus
 from wire.zenoh.bus import BusConfig, open_bus
 
 COMMAND_LIMIT_S = 60
@@ -386,14 +387,24 @@ def terminal(robot: Robot, tmp_path: Path) -> Generator[Terminal]:
 
 def _drive(robot: Robot, terminal: Terminal) -> None:
     """On a busy machine, a late process may stop the robot; the operator then starts again."""
-    keys = {"STOPPED": "s", "READY": "www"}
+    _wait_for(robot.state.record.exists, "the stack does not start")
+    asyncio.run(_driven(robot.endpoint, terminal))
 
-    def moves() -> bool:
-        seen = robot.status()
-        terminal.press(keys.get(seen["mode"], ""))
-        return (seen["linear_m_s"] or 0) > 0.05  # this terminal answers nothing, which limits the speed
 
-    _wait_for(lambda: robot.state.record.exists() and moves(), "the robot does not move")
+async def _driven(endpoint: str, terminal: Terminal) -> None:
+    keys = {SafetyStatus.STOPPED: "s", SafetyStatus.READY: "www"}
+    async with asyncio.timeout(WAIT_LIMIT_S):
+        bus = await open_bus(BusConfig(endpoint), "client")
+        try:
+            statuses, odometry = bus.subscribe(topics.STATUS), bus.subscribe(topics.ODOM, depth=200)
+            # This terminal answers nothing, which limits the speed.
+            while not any(one.message and one.message.twist.twist.linear.x > 0.05 for one in odometry.take()):
+                if (newest := statuses.latest()) is not None and newest.message is not None:
+                    print(f"mode {newest.message.mode}: {newest.message.reasons}")  # for a failed test
+                    terminal.press(keys.get(newest.message.mode, ""))
+                await asyncio.sleep(AGAIN_S)
+        finally:
+            await bus.close()
 
 
 @pytest.mark.smoke
