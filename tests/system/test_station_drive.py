@@ -58,6 +58,19 @@ async def key(tab: Tab, code: str, *, down: bool) -> None:
     await tab.do("Input.dispatchKeyEvent", type=kind, code=code, key=code[-1].lower())
 
 
+async def press_anew(tab: Tab, code: str) -> None:
+    """Press a key, whether or not it is held: the page may have let go of it on a busy machine."""
+    await key(tab, code, down=False)
+    await key(tab, code, down=True)
+
+
+async def pull(tab: Tab) -> None:
+    """Pull the stick ahead with the mouse."""
+    x, y = await tab.middle_of("#stick")
+    await tab.mouse("mousePressed", x, y)
+    await tab.mouse("mouseMoved", x, y - 60)
+
+
 async def drives(subject: Robot, tab: Tab, hold: Callable[[], Awaitable[None]]) -> None:
     """Hold something until the robot drives; on a busy machine, the page is reset and tried again."""
 
@@ -79,7 +92,7 @@ async def may_drive(subject: Robot, tab: Tab) -> None:
 
 async def test_a_held_key_drives_and_its_release_stops(tmp_path: Path) -> None:
     async with wheel(tmp_path) as (subject, _, _, tab):
-        await drives(subject, tab, lambda: key(tab, "KeyW", down=True))
+        await drives(subject, tab, lambda: press_anew(tab, "KeyW"))
         assert ESTOP not in subject.status.reasons
         await key(tab, "KeyW", down=False)
         await stands(subject)
@@ -90,19 +103,26 @@ async def test_the_stick_drives_while_the_mouse_holds_it_and_a_touch_of_the_pict
     tmp_path: Path,
 ) -> None:
     async with wheel(tmp_path) as (subject, _, _, tab):
-
-        async def pull() -> None:
-            x, y = await tab.middle_of("#stick")
-            await tab.mouse("mousePressed", x, y)
-            await tab.mouse("mouseMoved", x, y - 60)
-
-        await drives(subject, tab, pull)
+        await drives(subject, tab, lambda: pull(tab))
         await tab.mouse("mouseReleased", 10, 10)
         await stands(subject)
-        await drives(subject, tab, pull)
+        await drives(subject, tab, lambda: pull(tab))
         await tab.mouse("mouseReleased", 10, 10)
         await tab.click(*await tab.middle_of("#map"))
         await subject.until(lambda: ESTOP in subject.status.causes, "its press")
+
+
+async def test_of_two_controls_that_are_held_neither_drives_when_the_other_one_is_released(
+    tmp_path: Path,
+) -> None:
+    async with wheel(tmp_path) as (subject, _, _, tab):
+        await drives(subject, tab, lambda: pull(tab))
+        await press_anew(tab, "KeyW")
+        await stands(subject)
+        await shows(tab, "drive-reason", "Two controls are held")
+        await tab.mouse("mouseReleased", 10, 10)
+        await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion by a release", 0.5)
+        await drives(subject, tab, lambda: press_anew(tab, "KeyW"))
 
 
 async def test_a_driver_hands_over_to_the_person_who_asks_and_the_incident_names_both(tmp_path: Path) -> None:
@@ -112,7 +132,7 @@ async def test_a_driver_hands_over_to_the_person_who_asks_and_the_incident_names
     ):
         ben = await second.open(await server.new_address())
         await ben.waits_for("document.body?.dataset.picture === 'true'")
-        await drives(subject, anna, lambda: key(anna, "KeyW", down=True))
+        await drives(subject, anna, lambda: press_anew(anna, "KeyW"))
         await shows(ben, "drive-begin", "Anna drives. Ask to drive")
         await takes(ben, "Ben")
         await shows(ben, "drive-turn", "Wait for Anna, who loses control after")
@@ -127,7 +147,7 @@ async def test_a_driver_hands_over_to_the_person_who_asks_and_the_incident_names
         await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion by the hand-over", 1.0)
         await key(anna, "KeyW", down=False)
         await key(ben, "KeyW", down=False)
-        await drives(subject, ben, lambda: key(ben, "KeyW", down=True))
+        await drives(subject, ben, lambda: press_anew(ben, "KeyW"))
         await anna.click(*await anna.middle_of("#map"))
         await subject.until(lambda: ESTOP in subject.status.causes, "her press")
         await key(ben, "KeyW", down=False)
@@ -224,7 +244,7 @@ async def test_a_robot_that_drives_stops_when_the_page_loses_its_driver(
     tmp_path: Path, lose: Callable[[Browser, Tab], Awaitable[None]]
 ) -> None:
     async with wheel(tmp_path) as (subject, _, chromium, tab):
-        await drives(subject, tab, lambda: key(tab, "KeyW", down=True))
+        await drives(subject, tab, lambda: press_anew(tab, "KeyW"))
         await lose(chromium, tab)
         await stands(subject)
         await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion again", 1.0)
@@ -235,7 +255,7 @@ async def test_a_key_is_held_no_more_when_the_process_of_the_browser_hangs_that_
 ) -> None:
     """Also if the robot does not depend on the lease of this page, as after a hand-over."""
     async with wheel(tmp_path, required=False) as (subject, _, chromium, tab):
-        await drives(subject, tab, lambda: key(tab, "KeyW", down=True))
+        await drives(subject, tab, lambda: press_anew(tab, "KeyW"))
         chromium.stop_part("")
         await stands(subject)
         assert not {"OBSTACLE", "COMMAND_TIMEOUT"} & set(subject.status.reasons), "something else stopped it"
@@ -252,19 +272,19 @@ async def test_the_press_of_a_driver_without_the_lease_is_released_at_the_same_p
         ben = await chromium.open(await server.new_address())
         await ben.waits_for("document.body?.dataset.picture === 'true'")
         await takes(ben, "Ben")
-        await drives(subject, ben, lambda: key(ben, "KeyW", down=True))
+        await drives(subject, ben, lambda: press_anew(ben, "KeyW"))
         await key(ben, "KeyW", down=False)
         await ben.click(*await ben.middle_of("#map"))
         await subject.until(lambda: ESTOP in subject.status.causes, "his press")
         await ben.shows("NOT HEARD", "Pressed, and the robot is stopped.")
         await ben.waits_for("!document.getElementById('release').hidden")
         await release(subject, ben, "NOT HEARD")
-        await drives(subject, ben, lambda: key(ben, "KeyW", down=True))
+        await drives(subject, ben, lambda: press_anew(ben, "KeyW"))
 
 
 async def test_a_killed_server_stops_the_robot(tmp_path: Path) -> None:
     async with wheel(tmp_path) as (subject, server, _, tab):
-        await drives(subject, tab, lambda: key(tab, "KeyW", down=True))
+        await drives(subject, tab, lambda: press_anew(tab, "KeyW"))
         server.process.kill()
         await stands(subject)
         await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion again", 1.0)
@@ -274,7 +294,7 @@ async def test_a_killed_server_stops_the_robot(tmp_path: Path) -> None:
 async def test_from_a_key_to_cmd_vel(tmp_path: Path) -> None:
     """Forward and back in turn, so that the robot stays where it is."""
     async with wheel(tmp_path) as (subject, _, _, tab):
-        await drives(subject, tab, lambda: key(tab, "KeyW", down=True))
+        await drives(subject, tab, lambda: press_anew(tab, "KeyW"))
         await key(tab, "KeyW", down=False)
         await stands(subject)
         down_s, up_s = list[float](), list[float]()
