@@ -193,7 +193,7 @@ class Application:
         visitor, socket = websocket.state.visitor, Socket(websocket)
         try:
             await websocket.accept()
-            hello = messages.read_hello(await socket.read(VISIT_S))  # it holds nothing before
+            hello = messages.read_hello(await socket.read(VISIT_S))  # until then, the page holds no lease
             session = self._session(hello, begins=serve == self._lease)
             if hello.name is not None:
                 session.name = hello.name

@@ -8,7 +8,7 @@ export function write(id, text) {
   if (element(id).textContent !== text) element(id).textContent = text;
 }
 
-// An input method may enter more than the field permits, and the server refuses what is longer.
+// An input method may enter more than the field permits, and the server refuses a longer name.
 export function nameOfPerson() {
   const { value, maxLength } = element("name");
   return [...value].slice(0, maxLength).join("");

@@ -207,7 +207,7 @@ addEventListener("keyup", (event) => {
 
 addEventListener("blur", () => letGo("Something else has the focus: press again."));
 document.addEventListener("visibilitychange", () => letGo("The page was hidden: press again."));
-addEventListener("resize", () => letGo("The page has another size: press again."));
+addEventListener("resize", () => letGo("The page changed its size: press again."));
 addEventListener("gamepaddisconnected", () => letGo("The gamepad was lost: connect it, and press again."));
 
 function request(message) {

@@ -9,7 +9,7 @@ const NEAR_CM = 250; // seen around the hull
 const LEAST_PX = 20;
 const RETRY_MS = 500;
 const NO_PICTURE = 4404; // this station shows none
-const LATE_S = 1; // a picture that is older is hidden
+const LATE_S = 1; // a picture that was asked for longer ago is hidden
 const NAMES = ["requested", "permitted", "measured"];
 const INKS = {
   light: { ground: "#f4f4f4", free: "#cfe6d8", line: "#101010", far: "#303030", hidden: "#8a3fc0", ghost: "#0a52c8" },
@@ -24,7 +24,7 @@ const dark = matchMedia("(prefers-color-scheme: dark)");
 let token = ""; // of the session; empty: no pictures
 let socket = null;
 let robot = null;
-let asked_s = -Infinity; // when the next picture was asked for: it is made later, however long it then takes to come
+let asked_s = -Infinity; // when the next picture was asked for: the server makes it after this, so it is no older
 let shown_s = -Infinity; // when the newest picture was asked for
 let number = 0; // of the newest picture that was submitted for drawing; 0 if none is seen
 let chart = []; // [time, requested, permitted, measured] of the straight velocity

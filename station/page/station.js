@@ -185,12 +185,12 @@ function sentence(word) {
   return `Touch anywhere to stop.${view.required ? " Closing or hiding this page stops the robot, too." : ""}`;
 }
 
-// After its confirmation, somebody may have reset the e-stop: only a status tells.
+// Somebody may have reset the e-stop after its confirmation: only a status shows whether the robot is stopped.
 function pressNotHeard() {
   if (!leases.isPressed(lease)) return "";
   if (view.latched) return "Pressed, and the robot is stopped. ";
   return leases.isConfirmed(lease, view.seen)
-    ? "Pressed and confirmed before. Touch again to stop again. "
+    ? "Pressed and confirmed, but perhaps reset since. Touch again to stop. "
     : "PRESSED, not confirmed. ";
 }
 

@@ -2,7 +2,7 @@
 //
 // Motion lasts only while something is held: a stick with the mouse, a stick and the enable button with two thumbs, keys, or a
 // gamepad with its dead-man button. With two of these at the same time, the wish is zero, and both must be pressed again: the
-// release of one must not begin the motion of the other. Only among keys, the rest counts when one is released.
+// release of one must not begin the motion of the other. Among keys, the others still count when one is released.
 
 const KEYS = {
   KeyW: [1, 0],
@@ -22,7 +22,7 @@ const DEAD_MAN = 4; // left shoulder button, in the standard mapping
 // unseen: the keys that were held when everything was forgotten, and whose release was not seen since.
 export const NOTHING = { enable: null, stick: null, keys: [], pad: null, freePad: null, unseen: [] };
 
-// A browser may report a key that is still held as pressed anew, when the page has the focus again: its release must be seen first.
+// When the page gets the focus again, a browser may report a held key as newly pressed: its release must be seen first.
 export const forgotten = (wish) => ({ ...NOTHING, unseen: [...wish.unseen, ...wish.keys] });
 
 export const isHeld = (wish) =>
@@ -41,7 +41,7 @@ export const pulled = (wish, pointer, x, y, isTouch) => ({ ...wish, stick: { poi
 export const moved = (wish, pointer, x, y) =>
   wish.stick?.pointer === pointer ? { ...wish, stick: { ...wish.stick, x, y } } : wish;
 
-// Without the enable button, the stick must be touched again, too.
+// After the release of the enable button, the stick must be touched again, too.
 export function lifted(wish, pointer) {
   if (wish.enable === pointer) return forgotten(wish);
   return wish.stick?.pointer === pointer ? { ...wish, stick: null } : wish;
@@ -58,7 +58,7 @@ export function keyLifted(wish, code) {
 }
 
 // index: the number of the gamepad; buttons: whether each is pressed; axes: from -1 to 1, the first to the right, the second down.
-// A gamepad is read again and again: a button that is still held, or another gamepad, must be released before it counts.
+// A gamepad is read at each frame: a button that is still held, or is held on another gamepad, must be released before it counts.
 export function padRead(wish, pad) {
   const isPressed = pad !== null && pad.buttons[DEAD_MAN] === true;
   if (isPressed && wish.freePad === pad.index) return { ...wish, pad: { x: pad.axes[0] ?? 0, y: -(pad.axes[1] ?? 0) } };

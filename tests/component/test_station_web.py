@@ -1,4 +1,4 @@
-"""The server of the page: how long a page may take to pair, and that nothing is kept of one that was refused."""
+"""The server of the page: how long a page may take to pair, and that nothing of a refused page stays in memory."""
 
 import asyncio
 import gc
@@ -42,7 +42,7 @@ class Page:
 
 
 async def served(page: Page) -> None:
-    """Serve a page until the server closes its websocket; the present code is `right`."""
+    """Serve a page until the server closes its websocket; the valid code is `right`."""
     pairing = Pairing()
     pairing.offer("right", 0.0)
     application = Application(

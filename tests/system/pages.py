@@ -82,7 +82,7 @@ class Server(Operator):
             yield page
         finally:
             answering.cancel()
-            print(f"a page's connection had ended with {page.socket.close_code}")  # for a failed test
+            print(f"close code of the page's connection: {page.socket.close_code}")  # for a failed test
             await page.socket.close()
 
     @asynccontextmanager
@@ -112,7 +112,7 @@ class Beside(Server):
 
 
 class Page:
-    """Holds the lease like the page in JavaScript: one that a busy machine has kept silent for too long connects again."""
+    """Holds the lease like the page in JavaScript, and connects again when the server has closed it as silent."""
 
     def __init__(self, server: Server, socket: ClientConnection) -> None:
         self._server, self.socket = server, socket

@@ -59,7 +59,7 @@ async def key(tab: Tab, code: str, *, down: bool) -> None:
 
 
 async def press_anew(tab: Tab, code: str) -> None:
-    """Press a key, whether or not it is held: the page may have let go of it on a busy machine."""
+    """Release and press a key: on a busy machine, the page may have forgotten that it is held."""
     await key(tab, code, down=False)
     await key(tab, code, down=True)
 

@@ -190,7 +190,7 @@ LOST: Step = ["window", "gamepaddisconnected", {}]
 def test_another_gamepad_that_is_held_when_it_comes_must_be_released_first(
     lost: list[Step], index: int
 ) -> None:
-    """The browser may give it the number of the first one, which is 1, when that has ended."""
+    """When the first one is disconnected, the browser may give its number, 1, to the other one."""
     changed: list[Step] = [*pad(held=False), *lost, *pad(held=True, index=index)]
     assert newest(*changed, ["frame", 50]) == 0
     assert newest(*changed, *pad(held=False, index=index), *pad(held=True, index=index)) == 1
@@ -222,14 +222,14 @@ def test_after_the_enable_button_the_stick_must_be_touched_again() -> None:
     assert newest(*released, touch("enable", 1), touch("stick", 2)) == 1
 
 
-def test_a_page_that_gets_another_size_lets_go_because_the_stick_is_at_another_place() -> None:
+def test_a_page_that_changes_its_size_lets_go_because_the_stick_is_at_another_place() -> None:
     turned: list[Step] = [*PULLED, ["window", "resize", {}]]
     assert newest(*turned) == 0
     assert newest(*turned, ["window", "pointermove", {"clientX": 100, "clientY": 0}], ["frame", 50]) == 0
 
 
 def test_a_key_drives_again_only_after_the_page_has_seen_its_release() -> None:
-    """Chromium on X11 reports a key that is still held as pressed anew if the page had no focus for two seconds."""
+    """Chromium on X11 reports a held key as newly pressed if the page had no focus for two seconds."""
     back: list[Step] = [W, ["window", "blur", {}], W]
     assert newest(*back) == 0
     assert "release it, and press again" in run(*BEGUN, *back)[1]["drive-reason"]
@@ -354,7 +354,7 @@ def test_only_a_picture_that_is_large_enough_to_be_seen_counts_as_drawn() -> Non
 
 
 def test_a_picture_that_a_slow_link_brings_late_is_not_shown_as_new() -> None:
-    """The server makes it when the page has drawn the one before: it is as old as that at most."""
+    """The server makes a picture after the page has drawn the one before, so it is no older than that."""
     first: list[Step] = [["pictures"], ROBOT, picture(1), ["frame", 50]]
     assert run(*first)[1]["isPictureShown"] == "true"
     assert run(*first, ["frame", 900], picture(2), ["frame", 50])[1]["isPictureShown"] == "true"

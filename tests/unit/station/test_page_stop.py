@@ -135,10 +135,10 @@ def test_without_the_lease_a_press_is_released_after_a_status_has_shown_the_esto
 def test_a_page_that_is_not_heard_says_that_the_robot_is_stopped_only_while_a_status_shows_it(
     problem: str,
 ) -> None:
-    """Somebody has reset the e-stop, or no status arrives: nobody here knows whether the robot drives."""
+    """Somebody has reset the e-stop, or no status arrives: the page does not know whether the robot drives."""
     _, _, sentence = run(*BEGUN, TOUCH, SEEN, ["view", {"seen": True, "problem": problem}], ["pass", 50])
     assert "is stopped" not in sentence
-    assert sentence.startswith("Pressed and confirmed before.")
+    assert sentence.startswith("Pressed and confirmed, but perhaps reset since.")
     assert sentence.endswith(problem)
 
 
