@@ -8,7 +8,7 @@ import * as wishes from "./wish.js";
 
 const BEAT_S = 0.03;
 const WAIT_BEAT_S = 0.2; // while another page drives
-const TWO = "Two controls are held: let go, and press one.";
+const TWO = "Two controls are held: release both, and press one.";
 const STALLED_BYTES = 2000; // of commands that the browser could not send yet
 
 let token = ""; // empty: this page may not drive now

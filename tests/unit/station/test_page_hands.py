@@ -208,7 +208,7 @@ def test_the_release_of_one_of_two_controls_begins_no_motion(first: str, second:
     holds = {"stick": PULLED, "key": [W], "pad": [*pad(held=False), *pad(held=True)]}
     two = [*holds[first], *holds[second], ["frame", 50]]
     assert newest(*two) == 0
-    assert run(*BEGUN, *two)[1]["drive-reason"] == "Two controls are held: let go, and press one."
+    assert run(*BEGUN, *two)[1]["drive-reason"] == "Two controls are held: release both, and press one."
     for lifted in (first, second):
         assert newest(*two, LIFTS[lifted], ["frame", 50], ["frame", 50]) == 0
     free: list[Step] = [*LIFTS.values(), ["frame", 50]]
@@ -229,7 +229,7 @@ def test_a_page_that_changes_its_size_lets_go_because_the_stick_is_at_another_pl
 
 
 def test_a_key_drives_again_only_after_the_page_has_seen_its_release() -> None:
-    """Chromium on X11 reports a held key as newly pressed if the page had no focus for two seconds."""
+    """A browser may report a held key as newly pressed when the page gets the focus again."""
     back: list[Step] = [W, ["window", "blur", {}], W]
     assert newest(*back) == 0
     assert "release it, and press again" in run(*BEGUN, *back)[1]["drive-reason"]

@@ -102,7 +102,7 @@ def test_after_the_enable_button_was_released_the_stick_must_be_touched_again() 
 
 
 def test_a_key_that_was_held_when_everything_was_forgotten_drives_only_after_its_release_was_seen() -> None:
-    """X11 repeats a held key, and Chromium calls the first repeat after two seconds a new press."""
+    """A browser may report a held key as newly pressed when the page gets the focus again."""
     for again in ([W], [["forgotten"], W], [["keyLifted", "KeyA"], W]):
         assert wanted(W, ["forgotten"], *again) == [0, 0]
     assert wanted(W, ["forgotten"], A) == [0, 1]
