@@ -42,8 +42,8 @@ export function letGo(why) {
   const wasHeld = wishes.isHeld(wish);
   wish = wishes.forgotten(wish); // also a gamepad that nobody holds: it must be seen released again
   if (!wasHeld) return;
-  changed();
   showReason(why);
+  changed();
 }
 
 function begin() {
@@ -177,8 +177,8 @@ function lift(event) {
   const next = wishes.lifted(wish, event.pointerId);
   if (next === wish) return;
   const why = wish.enable === event.pointerId && wish.stick !== null ? "Hold to drive was released: touch both again." : "";
-  change(next);
   showReason(why);
+  change(next);
 }
 
 addEventListener("pointermove", (event) => {
@@ -191,19 +191,21 @@ for (const type of ["pointerup", "pointercancel", "lostpointercapture"]) addEven
 
 addEventListener("keydown", (event) => {
   // While a Mac's command key is pressed, the release of another key is not reported.
-  if (event.ctrlKey || event.altKey || event.metaKey) return letGo("Another key was pressed: press again.");
+  const isModified = event.ctrlKey || event.altKey || event.metaKey;
+  const wasDown = wish.down.includes(event.code) && !wish.keys.includes(event.code);
+  keep(wishes.keyHeld(wish, event.code, takes(event) && !isModified && !event.repeat));
+  if (isModified) return letGo("Another key was pressed: press again.");
   if (!takes(event)) return;
   event.preventDefault();
-  if (event.repeat) return;
-  if (wishes.isUnseen(wish, event.code)) return showReason("The page has not seen the key's release: release it, and press again.");
-  change(wishes.keyHeld(wish, event.code));
+  if (wasDown && !event.repeat) showReason("The page has not seen the key's release: release it, and press again.");
 });
-addEventListener("keyup", (event) => {
-  const wasHeld = wish.keys.includes(event.code);
-  const next = wishes.keyLifted(wish, event.code);
-  if (wasHeld) change(next);
-  else wish = next;
-});
+addEventListener("keyup", (event) => keep(wishes.keyLifted(wish, event.code)));
+
+// Keys that do not count send nothing.
+function keep(next) {
+  if (next.keys.length === wish.keys.length) wish = next;
+  else change(next);
+}
 
 addEventListener("blur", () => letGo("Something else has the focus: press again."));
 document.addEventListener("visibilitychange", () => letGo("The page was hidden: press again."));

@@ -19,11 +19,10 @@ const LEVELS = 5;
 const DEAD_MAN = 4; // left shoulder button, in the standard mapping
 
 // freePad: the number of the gamepad that was seen with its dead-man button released since everything was last forgotten.
-// unseen: the keys that were held when everything was forgotten, and whose release was not seen since.
-export const NOTHING = { enable: null, stick: null, keys: [], pad: null, freePad: null, unseen: [] };
+// down: the driving keys whose release was not seen since they were pressed, whether or not they count.
+export const NOTHING = { enable: null, stick: null, keys: [], pad: null, freePad: null, down: [] };
 
-// When the page gets the focus again, a browser may report a held key as newly pressed: its release must be seen first.
-export const forgotten = (wish) => ({ ...NOTHING, unseen: [...wish.unseen, ...wish.keys] });
+export const forgotten = (wish) => ({ ...NOTHING, down: wish.down });
 
 export const isHeld = (wish) =>
   wish.enable !== null || wish.stick !== null || wish.keys.length > 0 || wish.pad !== null;
@@ -47,14 +46,15 @@ export function lifted(wish, pointer) {
   return wish.stick?.pointer === pointer ? { ...wish, stick: null } : wish;
 }
 
-export const isUnseen = (wish, code) => wish.unseen.includes(code);
-
-export const keyHeld = (wish, code) =>
-  isDriveKey(code) && !wish.keys.includes(code) && !isUnseen(wish, code) ? { ...wish, keys: [...wish.keys, code] } : wish;
+// A browser may report a held key as newly pressed, as after it had no focus: a press counts only after the release was seen.
+export function keyHeld(wish, code, counts) {
+  if (!isDriveKey(code) || wish.down.includes(code)) return wish;
+  return { ...wish, down: [...wish.down, code], keys: counts ? [...wish.keys, code] : wish.keys };
+}
 
 export function keyLifted(wish, code) {
   const others = (codes) => codes.filter((one) => one !== code);
-  return { ...wish, keys: others(wish.keys), unseen: others(wish.unseen) };
+  return { ...wish, keys: others(wish.keys), down: others(wish.down) };
 }
 
 // index: the number of the gamepad; buttons: whether each is pressed; axes: from -1 to 1, the first to the right, the second down.

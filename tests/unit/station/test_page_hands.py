@@ -228,12 +228,23 @@ def test_a_page_that_changes_its_size_lets_go_because_the_stick_is_at_another_pl
     assert newest(*turned, ["window", "pointermove", {"clientX": 100, "clientY": 0}], ["frame", 50]) == 0
 
 
-def test_a_key_drives_again_only_after_the_page_has_seen_its_release() -> None:
-    """A browser may report a held key as newly pressed when the page gets the focus again."""
-    back: list[Step] = [W, ["window", "blur", {}], W]
-    assert newest(*back) == 0
-    assert "release it, and press again" in run(*BEGUN, *back)[1]["drive-reason"]
-    assert newest(*back, ["window", "keyup", {"code": "KeyW"}], W) == 1
+@pytest.mark.parametrize(
+    "held",
+    [
+        [*BEGUN, W, ["window", "blur", {}]],
+        [*BEGUN, ["window", "keydown", {"code": "KeyW", "ctrlKey": True}]],
+        [*BEGUN, ["window", "keydown", {"code": "KeyW", "repeat": True}]],
+        [W, *BEGUN],
+        [*BEGUN, W, ["on", "drive-end", "click", {}], *BEGUN],
+    ],
+)
+def test_a_key_drives_again_only_after_the_page_has_seen_its_release(held: list[Step]) -> None:
+    """A browser may report a held key as newly pressed, as when the page gets the focus again or Ctrl is released."""
+    again: list[Step] = [*held, ["window", "keyup", {"code": "ControlLeft"}], W]
+    sent, texts, _ = run(*again)
+    assert sent[-1]["linear"] == 0
+    assert "release it, and press again" in texts["drive-reason"]
+    assert run(*again, ["window", "keyup", {"code": "KeyW"}], W)[0][-1]["linear"] == 1
 
 
 @pytest.mark.parametrize("hold", [[W], PULLED, [*pad(held=False), *pad(held=True)]])
