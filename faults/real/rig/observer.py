@@ -43,6 +43,8 @@ class Observer:
         asyncio.get_running_loop().add_reader(wheels.descriptor, self._wake.set)
         self._heard: defaultdict[bytes, Counter[str]] = defaultdict(Counter)
         """Number of samples of each epoch on each key."""
+        self._lead_s: defaultdict[bytes, float] = defaultdict(float)
+        """By how much the stamps of each epoch are ahead of this machine's clock, at least: those of a page, by what delayed its first message."""
         self.alive: set[str] = set()
         self.trusts_stamps = True
         """Whether the stamps of commands are valid; they are not while the sender's clock steps."""
@@ -84,7 +86,7 @@ class Observer:
                 seen.statuses.append(Status.of(status.arrival_s, status.message))
         for name, subscription in self._asked.items():
             seen.asked += [
-                Asked.of(arrival.arrival_s - self.trusts_stamps * _age_s(arrival), name, arrival.message)
+                Asked.of(self._sent_s(arrival), name, arrival.message)
                 for arrival in self._delivered(subscription)
                 if arrival.message is not None
             ]
@@ -104,6 +106,17 @@ class Observer:
         seen = self.look()
         seen.asked.sort(key=lambda one: one.sent_s)
         return seen
+
+    def _sent_s(self, arrival: Arrival[Twist]) -> float:
+        """Return when a command was sent, by its stamp if it has a plausible one."""
+        if arrival.stamp is None or not self.trusts_stamps:
+            return arrival.arrival_s
+        stamp_s = arrival.stamp.source_time_ns * 1e-9
+        if abs(arrival.arrival_s - stamp_s) >= TRUSTED_STAMP_S:
+            return arrival.arrival_s
+        gid = arrival.stamp.gid
+        self._lead_s[gid] = max(self._lead_s[gid], stamp_s - arrival.arrival_s)
+        return stamp_s - self._lead_s[gid]
 
     def _delivered(self, subscription: Subscription[M]) -> Iterator[Arrival[M]]:
         """Yield the samples of a key from the publishers that mostly publish on it.

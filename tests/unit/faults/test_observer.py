@@ -79,3 +79,16 @@ async def test_a_wish_is_as_old_as_its_source_says(stage: Stage) -> None:
     stage.observer.trusts_stamps = False
     stage.put(TELEOP_KEY, TELEOP, age_s=0.3)
     assert stage.observer.look().asked[-1].sent_s > asked.sent_s + 0.29
+
+
+async def test_a_source_whose_stamps_are_ahead_has_sent_its_wish_before_the_wish_arrived(
+    stage: Stage,
+) -> None:
+    """A page's stamps are ahead by what delayed its first message; the base may move before this observer has its wish."""
+    stage.put(TELEOP_KEY, TELEOP, age_s=-0.3)
+    stage.observer.look()
+    stage.put(TELEOP_KEY, TELEOP, age_s=-0.1)
+    stage.put(TELEOP_KEY, SUPERVISOR, age_s=-0.1)
+    first, late, other = stage.observer.look().asked
+    assert late.sent_s - first.sent_s == pytest.approx(-0.2, abs=0.1)
+    assert other.sent_s > late.sent_s + 0.1
