@@ -228,16 +228,17 @@ def test_a_page_that_changes_its_size_lets_go_because_the_stick_is_at_another_pl
     assert newest(*turned, ["window", "pointermove", {"clientX": 100, "clientY": 0}], ["frame", 50]) == 0
 
 
-@pytest.mark.parametrize(
-    "held",
-    [
-        [*BEGUN, W, ["window", "blur", {}]],
-        [*BEGUN, ["window", "keydown", {"code": "KeyW", "ctrlKey": True}]],
-        [*BEGUN, ["window", "keydown", {"code": "KeyW", "repeat": True}]],
-        [W, *BEGUN],
-        [*BEGUN, W, ["on", "drive-end", "click", {}], *BEGUN],
-    ],
-)
+HELD: list[list[Step]] = [
+    [*BEGUN, W, ["window", "blur", {}]],
+    [*BEGUN, ["window", "keydown", {"code": "KeyW", "ctrlKey": True}]],
+    [*BEGUN, ["window", "keydown", {"code": "KeyW", "repeat": True}]],
+    [W, *BEGUN],
+    [*BEGUN, W, ["on", "drive-end", "click", {}], *BEGUN],
+]
+"""How a key is held without a press that counts."""
+
+
+@pytest.mark.parametrize("held", HELD)
 def test_a_key_drives_again_only_after_the_page_has_seen_its_release(held: list[Step]) -> None:
     """A browser may report a held key as newly pressed, as when the page gets the focus again or Ctrl is released."""
     again: list[Step] = [*held, ["window", "keyup", {"code": "ControlLeft"}], W]
