@@ -23,18 +23,17 @@ class Page:
     """One end of a websocket, which sends a code after some time, and nothing more."""
 
     def __init__(self, code: str, after_s: float = 0.0) -> None:
-        self._after_s = {"connect": 0.0, "receive": after_s}
-        self._sends: list[Message] = [
-            {"type": "websocket.connect"},
-            {"type": "websocket.receive", "text": json.dumps({"code": code})},
+        self._sends: list[tuple[float, Message]] = [
+            (0.0, {"type": "websocket.connect"}),
+            (after_s, {"type": "websocket.receive", "text": json.dumps({"code": code})}),
         ]
         self.got: list[Message] = []
 
     async def receive(self) -> Message:
         if not self._sends:
             await asyncio.Event().wait()
-        message = self._sends.pop(0)
-        await asyncio.sleep(self._after_s[message["type"].partition(".")[2]])
+        after_s, message = self._sends.pop(0)
+        await asyncio.sleep(after_s)
         return message
 
     async def send(self, message: Message) -> None:

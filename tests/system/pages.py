@@ -3,7 +3,7 @@
 import asyncio
 import json
 import re
-from collections.abc import AsyncGenerator, Sequence
+from collections.abc import AsyncGenerator, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from enum import IntEnum
 from itertools import count
@@ -76,8 +76,7 @@ class Server(Operator):
         """A page that answers the challenges; without `code` or `token`, it is paired with a new code."""
         hello = hello or {"code": (await self.new_address()).partition("#")[2]}
         page = Page(self, await self.socket())
-        await page.socket.send(json.dumps(hello))
-        answering = asyncio.ensure_future(page.answer())
+        answering = asyncio.ensure_future(page.answer(hello))
         try:
             yield page
         finally:
@@ -118,15 +117,15 @@ class Page:
         self._server, self.socket = server, socket
         self.lease, self.token, self.view, self.hangs = Lease(), "", dict[str, Any](), False
 
-    async def answer(self) -> None:
-        await self._answer()
+    async def answer(self, hello: Mapping[str, str]) -> None:
+        await self._answer(hello)
         while self.socket.close_code == Code.SILENT and self.token and not self.hangs:
             self.socket = await self._server.socket()
-            await self.socket.send(json.dumps({"token": self.token}))
-            await self._answer()
+            await self._answer({"token": self.token})
 
-    async def _answer(self) -> None:
+    async def _answer(self, hello: Mapping[str, str]) -> None:
         with suppress(ConnectionClosed):
+            await self.socket.send(json.dumps(hello))
             async for text in self.socket:
                 message = json.loads(text)
                 if message["kind"] == "welcome":

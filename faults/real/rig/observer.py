@@ -111,12 +111,9 @@ class Observer:
         """Return when a command was sent, by its stamp if it has a plausible one."""
         if arrival.stamp is None or not self.trusts_stamps:
             return arrival.arrival_s
-        stamp_s = arrival.stamp.source_time_ns * 1e-9
-        if abs(arrival.arrival_s - stamp_s) >= TRUSTED_STAMP_S:
-            return arrival.arrival_s
-        gid = arrival.stamp.gid
-        self._lead_s[gid] = max(self._lead_s[gid], stamp_s - arrival.arrival_s)
-        return stamp_s - self._lead_s[gid]
+        age_s, gid = _age_s(arrival), arrival.stamp.gid
+        self._lead_s[gid] = max(self._lead_s[gid], -age_s)
+        return arrival.arrival_s - age_s - self._lead_s[gid]
 
     def _delivered(self, subscription: Subscription[M]) -> Iterator[Arrival[M]]:
         """Yield the samples of a key from the publishers that mostly publish on it.
@@ -148,8 +145,8 @@ class Observer:
 
 
 def _age_s(arrival: Arrival[Twist]) -> float:
-    """Return the age at arrival by the sender's stamp; 0 without a plausible stamp."""
+    """Return the age at arrival by the sender's stamp, negative if the stamp is ahead; 0 without a plausible stamp."""
     if arrival.stamp is None:
         return 0.0
     age_s = arrival.arrival_s - arrival.stamp.source_time_ns * 1e-9
-    return age_s if 0.0 <= age_s < TRUSTED_STAMP_S else 0.0
+    return age_s if abs(age_s) < TRUSTED_STAMP_S else 0.0
