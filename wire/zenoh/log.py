@@ -70,5 +70,7 @@ async def why_refused(endpoint: str, namespace: str, keys: str) -> str | None:
     finally:
         if process.returncode is None:
             process.kill()
+            # If the event loop is closed before it has seen the end, asyncio prints a warning.
+            await process.communicate()
     lines = COLOUR.sub("", output.decode(errors="replace")).splitlines()
     return next(filter(None, map(at_a_client, lines)), None)
