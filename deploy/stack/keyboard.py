@@ -15,6 +15,8 @@ from contextlib import suppress
 
 ROWS, COLUMNS = 24, 100
 SCREEN_BYTES = 4096
+BUFFER_READS = 16
+"""Of `SCREEN_BYTES`: what the kernel keeps of a terminal's output."""
 END_LIMIT_S = 4.0
 REQUEST, REPLY = b"\x1b[5n", b"\x1b[0n"
 """A status request of the program, and the terminal's reply."""
@@ -50,6 +52,11 @@ class Screen:
         """The last three non-empty lines, without escape sequences."""
         text = ESCAPE.sub("", self.output.decode(errors="replace"))
         return " | ".join([line.strip() for line in text.splitlines() if line.strip()][-3:]) or "no output"
+
+    def read(self) -> None:
+        """Read what the event loop has not read yet; to be called when the program has ended, while the terminal is open."""
+        for _ in range(BUFFER_READS):
+            self._on_output()
 
     def close(self) -> None:
         """Close the terminal."""
@@ -114,6 +121,8 @@ class TypedTeleop:
 
     @property
     def last_lines(self) -> str:
+        if self._display in self._masters:
+            self._screen.read()
         return self._screen.last_lines
 
     def press(self, keys: str) -> None:

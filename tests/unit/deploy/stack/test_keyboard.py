@@ -1,9 +1,12 @@
-"""The terminal of a typed teleop answers each status request once."""
+"""The terminal of a typed teleop answers each status request once, and its last output is read."""
+
+import os
+import pty
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deploy.stack.keyboard import REQUEST, requests_in
+from deploy.stack.keyboard import REQUEST, SCREEN_BYTES, Screen, requests_in
 
 PIECES = st.sampled_from([REQUEST, b"\x1b[5", b"\x1b[5;1H", b"n", b"picture", b"\x1b"])
 
@@ -18,3 +21,14 @@ def test_each_status_request_is_found_once_however_the_output_is_divided(
         requests, unread = requests_in(unread + output[at : at + size])
         found, at = found + requests, at + size
     assert found == output.count(REQUEST)
+
+
+async def test_what_a_program_printed_last_is_read_even_if_the_event_loop_has_not_run_since() -> None:
+    terminal, program_side = pty.openpty()
+    screen = Screen(terminal, lambda _: None)
+    os.write(program_side, b"x" * (SCREEN_BYTES - 1) + b"\nno keyboard\n")
+    for _ in range(2):
+        screen.read()
+        assert screen.last_lines.endswith(" | no keyboard")
+    screen.close()
+    os.close(program_side)
