@@ -44,22 +44,21 @@ class Screen:
         """The last bytes of the output."""
         self._unread = b""
         """The end of the output, which may be the beginning of a status request."""
+        self._is_closed = False
         os.set_blocking(terminal, False)
         self._loop.add_reader(terminal, self._on_output)
 
     @property
     def last_lines(self) -> str:
-        """The last three non-empty lines, without escape sequences."""
+        """The last three non-empty lines, without escape sequences; also those that the event loop has not read yet."""
+        for _ in range(0 if self._is_closed else BUFFER_READS):
+            self._on_output()
         text = ESCAPE.sub("", self.output.decode(errors="replace"))
         return " | ".join([line.strip() for line in text.splitlines() if line.strip()][-3:]) or "no output"
 
-    def read(self) -> None:
-        """Read what the event loop has not read yet; to be called when the program has ended, while the terminal is open."""
-        for _ in range(BUFFER_READS):
-            self._on_output()
-
     def close(self) -> None:
         """Close the terminal."""
+        self._is_closed = True
         self._loop.remove_reader(self._terminal)
         os.close(self._terminal)
 
@@ -121,8 +120,6 @@ class TypedTeleop:
 
     @property
     def last_lines(self) -> str:
-        if self._display in self._masters:
-            self._screen.read()
         return self._screen.last_lines
 
     def press(self, keys: str) -> None:

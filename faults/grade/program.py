@@ -84,7 +84,6 @@ class Program:
         """How it ended, with its last lines, for people."""
         codes = self._pid_and_code()[1:]
         how = f"ended with code {codes[0]}" if codes else "runs"
-        self._screen.read()
         return f"it {how}, and its last lines are: {printable(self._screen.last_lines)[-LAST_CHARACTERS:]}"
 
     def type(self, data: bytes) -> None:

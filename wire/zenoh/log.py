@@ -70,7 +70,7 @@ async def why_refused(endpoint: str, namespace: str, keys: str) -> str | None:
     finally:
         if process.returncode is None:
             process.kill()
-            # If the event loop is closed before it has seen the end, asyncio prints a warning.
+            # asyncio prints a warning if the process ends after the event loop is closed.
             await process.communicate()
     lines = COLOUR.sub("", output.decode(errors="replace")).splitlines()
     return next(filter(None, map(at_a_client, lines)), None)

@@ -1,3 +1,5 @@
+"""A client finds out in a separate process why it is refused."""
+
 import asyncio
 from asyncio.subprocess import Process
 from contextlib import suppress
@@ -9,7 +11,7 @@ import pytest
 from wire.zenoh.log import why_refused
 
 
-async def test_a_client_that_is_cancelled_ends_its_attempt_to_connect_before_it_ends(
+async def test_a_cancelled_client_waits_for_the_end_of_its_attempt_to_connect(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     started = asyncio.Queue[Process]()
