@@ -82,6 +82,7 @@ async def test_a_second_touch_ends_the_release_that_another_finger_holds(tmp_pat
     async with phone(tmp_path) as (subject, _, _, tab):
         await tab.click(200, 300)
         await tab.shows("STOPPED", "Stopped from here")
+        await subject.until(lambda: "pressed" in state(subject, "phone"), "its press")
         await tab.mouse("mousePressed", *await tab.middle_of("#release"))
         await tab.evaluate("document.getElementById('stop').dispatchEvent(new Event('pointerdown'))")
         await subject.never(lambda: state(subject, "phone") == "heard", "released beside a touch", 1.5)
