@@ -52,9 +52,13 @@ test: $(STAMP) ## run the checks, the unit and component tests, and the smoke te
 # No test here depends on the real clock, so one runs on each core.
 IN_PARALLEL := --numprocesses=auto --dist=worksteal
 
-# `coverage` and `component` also run the long ones, with more examples of each property.
+# The tests of the law take 40 % of the time, and the same sources give the same result: they run if the sources differ from
+# those of the last proofs and mutants. `coverage` runs them each time; it and `component` also run the long ones, with more
+# examples of each property.
+LAW := tests/unit/supervisor/law
 unit: $(STAMP)
-	.venv/bin/pytest tests/unit tests/component -m "not proof and not long" --hypothesis-profile=quick $(IN_PARALLEL)
+	.venv/bin/pytest tests/unit tests/component -m "not proof and not long" --hypothesis-profile=quick $(IN_PARALLEL) \
+	  $$(.venv/bin/python -m tests.proven >&2 && echo --ignore=$(LAW))
 
 component: $(STAMP)
 	.venv/bin/pytest tests/component -m "not proof" $(IN_PARALLEL)
@@ -98,7 +102,6 @@ proof: $(STAMP) ## run the proofs of the law, and check that the unit tests reac
 	$(MAKE) --no-print-directory proofs exhaustive coverage
 
 # Where they pass, the hash of their sources is stored, so that .ci/run repeats them only after a change.
-LAW := tests/unit/supervisor/law
 proofs: $(STAMP)
 	.venv/bin/pytest -s $(LAW) -m proof --durations=10
 	.venv/bin/python -m tests.proven --passed proofs
