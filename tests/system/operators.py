@@ -104,9 +104,15 @@ class Hub:
         return [after - before for before, after in itertools.pairwise(self._arrivals_s)]
 
     def requested_since(self, since_s: float) -> tuple[float, float]:
-        """Return the time until the newest command arrived [s], and the distance that was requested until then [m]."""
-        speeds_m_s = [linear_m_s for linear_m_s, _ in self.velocities]
-        times_s = [max(since_s, arrival_s) for arrival_s in self._arrivals_s]
+        """Return the time until the newest velocity first arrived [s], and the distance that was requested until then [m].
+
+        Heartbeats repeat it, and a busy machine may count many of them before it looks.
+        """
+        velocities = self.velocities
+        repeats = itertools.takewhile(lambda velocity: velocity == velocities[-1], reversed(velocities))
+        first = len(velocities) - len(list(repeats))
+        speeds_m_s = [linear_m_s for linear_m_s, _ in velocities]
+        times_s = [max(since_s, arrival_s) for arrival_s in self._arrivals_s[: first + 1]]
         spans = zip(speeds_m_s, itertools.pairwise(times_s), strict=False)
         return times_s[-1] - since_s, sum(speed * (end_s - start_s) for speed, (start_s, end_s) in spans)
 
