@@ -42,7 +42,7 @@ async def test_ten_teleops_killed_at_speed_each_stop_the_robot_well_before_the_t
             killed_s = subject.kill(topics.TELEOP)
             to_zero_s.append(await subject.zero_after(killed_s))
             to_rest.append(await subject.standstill_after(killed_s))
-            assert "SOURCE_LOST" in subject.status.reasons
+            await subject.until(lambda: "SOURCE_LOST" in subject.status.reasons, "SOURCE_LOST")
             assert subject.bus is not None
             assert (await subject.bus.call(topics.SIM_RESET)).success
     say(
