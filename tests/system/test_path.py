@@ -140,11 +140,13 @@ async def test_whatever_ends_a_path_without_a_terminal_stops_the_robot(tmp_path:
             first.send_signal(signal.SIGINT)
             to_zero_s = await subject.zero_after(sent_s)
             assert (await ended(first))[0] == 130
+            await at_rest(subject)
         async with path(subject, "circle", "--radius", "0.6") as killed:
             await moving(subject)
             sent_s = time.monotonic()
             killed.send_signal(signal.SIGKILL)
             killed_to_zero_s = await subject.zero_after(sent_s)
+            await at_rest(subject)
         async with path(subject, "circle", "--radius", "0.6") as last:
             await moving(subject)
             assert subject.bus is not None
