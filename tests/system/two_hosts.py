@@ -158,7 +158,10 @@ async def run(arguments: argparse.Namespace, relay: Program) -> dict[str, Any]:
         robot.start(topics.SUPERVISOR, "--config", str(config), "--endpoint", listen)
         robot.start(topics.SIM)
         await robot.observe()
-        robot.start_teleop(*robot.keys_of(topics.TELEOP), before=inside(arguments.operator))
+        # A delayed teleop would become neutral; the one whose link is cut must continue to request motion.
+        module = "tests.system.patient_teleop" if arguments.scenario == "cut" else topics.TELEOP
+        keys = robot.keys_of(topics.TELEOP)
+        robot.start_teleop(*keys, module=module, before=inside(arguments.operator))
         if arguments.scenario == "viewers":
             return await viewers_die(robot, relay, arguments.operator)
         if arguments.scenario == "lossy":
