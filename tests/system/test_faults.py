@@ -15,7 +15,7 @@ from typing import IO
 
 import pytest
 
-from tests.system.harness import Robot, free_endpoint, is_zero, patiently, robot
+from tests.system.harness import PATIENCE_S, Robot, free_endpoint, is_zero, patiently, robot
 from tests.system.ports import participants
 from tests.system.rogue import open_rogue
 from wire import topics
@@ -44,7 +44,7 @@ async def test_ten_teleops_killed_at_speed_each_stop_the_robot_well_before_the_t
             to_rest.append(await subject.standstill_after(killed_s))
             await subject.until(lambda: "SOURCE_LOST" in subject.status.reasons, "SOURCE_LOST")
             assert subject.bus is not None
-            assert (await subject.bus.call(topics.SIM_RESET)).success
+            assert (await subject.bus.call(topics.SIM_RESET, timeout_s=PATIENCE_S)).success
     say(
         f"SIGKILL to zero on cmd_vel: median {statistics.median(to_zero_s) * 1e3:.1f} ms, "
         f"worst {max(to_zero_s) * 1e3:.1f} ms; to standstill from 0.5 m/s: "
