@@ -204,6 +204,7 @@ def test_two_publishers_on_a_sources_topic_are_both_refused_and_named(stack: Sta
     second = stack.source(name="second")
     report = stack.watch.report(f"source {SOURCE}", "/first and /second all publish")
     assert report.level == report.ERROR
+    stack.rest_after(time.monotonic_ns())
     stack.stays_at_rest()
     second.tell(v=0.1)
     stack.stays_at_rest()
