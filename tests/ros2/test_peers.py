@@ -48,6 +48,7 @@ def test_a_source_moves_the_robot_and_its_death_stops_it_after_the_robots_own_ti
     observer, source = host.start("observer"), host.start("source")
     source.ready().tell(v=0.5, w=0.0)
     observer.until(moves_at(0.5), "0.5 m/s")
+    observer.until(lambda line: line.get("topic") == "cmd_vel" and line["v"] == 0.5, "the source's command")
     killed_ns = source.kill()
     rest = observer.until(rests, "standstill", after=len(observer.lines))
     assert 0.5 < (rest["at_ns"] - killed_ns) / 1e9 < 2.0
