@@ -185,7 +185,22 @@ class Stack:
         self.watch.until(is_so, f"{source} {what}")
 
     def drive(self, source: Peer, speed_m_s: float = SPEED_M_S, name: str = SOURCE) -> None:
-        """Make a source command zero and then a speed, until the robot moves at this speed.
+        """Make a source command zero and then a speed, until the robot moves at this speed."""
+
+        def is_at_speed(line: Line) -> bool:
+            return line.get("topic") == "odom" and abs(line["v"] - speed_m_s) < 0.02
+
+        self.obeys(source, is_at_speed, f"{speed_m_s} m/s", name, v=speed_m_s)
+
+    def obeys(
+        self,
+        source: Peer,
+        condition: Callable[[Line], bool],
+        what: str,
+        name: str = SOURCE,
+        **velocity: float,
+    ) -> None:
+        """Make a source command zero and then a velocity, until a new line of the observer meets the condition.
 
         A loaded machine may stop the robot in between (OVERRUN): the source then begins again.
         """
@@ -193,17 +208,12 @@ class Stack:
             source.tell(v=0.0)
             self.armed(name)
             seen = len(self.observer.lines)
-            source.tell(v=speed_m_s)
+            source.tell(**velocity)
             with suppress(AssertionError):
-                self.observer.until(
-                    lambda line: line.get("topic") == "odom" and abs(line["v"] - speed_m_s) < 0.02,
-                    f"{speed_m_s} m/s",
-                    after=seen,
-                    within_s=SPEED_LIMIT_S,
-                )
+                self.observer.until(condition, what, after=seen, within_s=SPEED_LIMIT_S)
                 return
-            print(f"\nnot at {speed_m_s} m/s, again: {self.watch.status and self.watch.status.reasons}")
-        raise AssertionError(f"not at {speed_m_s} m/s after {ATTEMPTS} attempts; {self.watch.status}")
+            print(f"\nnot seen: {what}; again: {self.watch.status and self.watch.status.reasons}")
+        raise AssertionError(f"not seen after {ATTEMPTS} attempts: {what}; {self.watch.status}")
 
     def zero_after(self, from_ns: int, within_s: float = 2.0) -> float:
         """Return the time from `from_ns` to the first of ten consecutive zeros on cmd_vel [ms]."""

@@ -310,13 +310,12 @@ def test_a_command_that_is_not_finite_stops_the_robot_at_once(stack: Stack) -> N
 
 def test_a_command_above_the_limits_is_limited_and_an_implausible_one_is_refused(stack: Stack) -> None:
     source = stack.source()
-    source.tell(v=0.0)
-    stack.armed()
-    source.tell(v=0.0, w=3.0)
-    stack.observer.until(
+    stack.obeys(
+        source,
         lambda line: line.get("topic") == "cmd_vel" and line["w"] == 2.0,
         "the limit",
-        after=len(stack.observer.lines),
+        v=0.0,
+        w=3.0,
     )
     source.tell(v=0.0, w=100.0)
     stack.watch.report("supervisor", "COMMAND_INVALID")
