@@ -25,7 +25,7 @@ from wire.host.installation import ENVIRONMENT
 
 BUILD_LIMIT_S = 60.0
 COMMAND_LIMIT_S = 30.0
-DEMO_LIMIT_S = 80.0
+DEMO_LIMIT_S = 100.0
 START_LIMIT_S = 20.0
 STATUS_PARTLY = 1
 """Exit code of `lifeline status` where only a part of the stack runs."""
