@@ -147,7 +147,6 @@ def _of_trials(trials: Sequence[Trial]) -> list[Verdict]:
     zeros_s = [_to_stop_s(fault) for fault in killed]
     typical_s, longest_s = statistics.median(zeros_s), max(zeros_s)
     worst_stop = max(killed, key=lambda fault: _distance_m(fault) - _bound_m(fault))
-    ready_s = max(float(f.parameters["to_alive_s"]) + float(f.parameters["to_ready_s"]) for f in faults)
     broken = {violation.promise for trial in trials for violation in trial.violations}
 
     def verdict(promise: int, what: str, bound: str, measured: str, outcome: Outcome) -> Verdict:
@@ -195,10 +194,17 @@ def _of_trials(trials: Sequence[Trial]) -> list[Verdict]:
             8,
             "after each fault, drivable by a neutral command alone",
             f"≤ {DRIVABLE_LIMIT_S:g} s",
-            f"{ready_s:.1f} s (worst)",
-            judged(kept=ready_s <= DRIVABLE_LIMIT_S),
+            *drivable_again(faults),
         ),
     ]
+
+
+def drivable_again(faults: Sequence[Injected]) -> tuple[str, Outcome]:
+    """Return the longest time until a neutral command permitted driving, and the verdict; a trial without it records no time."""
+    if not all("to_ready_s" in fault.parameters for fault in faults):
+        return "not drivable", Outcome.BROKEN
+    worst_s = max(float(f.parameters["to_alive_s"]) + float(f.parameters["to_ready_s"]) for f in faults)
+    return f"{worst_s:.1f} s (worst)", judged(kept=worst_s <= DRIVABLE_LIMIT_S)
 
 
 def _bound_s(name: str) -> float:

@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from faults.real.demo import MEASURING_S, Outcome, Verdict, judged, summary, timed, worst
+from faults.real.demo import MEASURING_S, Outcome, Verdict, drivable_again, judged, summary, timed, worst
+from faults.trial import Injected
 
 BOUND_S = 0.2
 
@@ -38,3 +39,9 @@ def test_a_broken_part_breaks_the_whole(other: Outcome) -> None:
 def test_the_summary_counts_every_outcome() -> None:
     verdicts = [Verdict(1, "", "", "", outcome) for outcome in (Outcome.KEPT, Outcome.KEPT, Outcome.BROKEN)]
     assert summary(verdicts) == "2 of 3 promises kept, 1 BROKEN"
+
+
+def test_a_robot_that_one_fault_left_undrivable_breaks_the_promise() -> None:
+    mended = Injected(fault="", time_s=1.0, parameters={"to_alive_s": 0.5, "to_ready_s": 0.25})
+    assert drivable_again([mended, mended]) == ("0.8 s (worst)", Outcome.KEPT)
+    assert drivable_again([mended, Injected(fault="", time_s=1.0)]) == ("not drivable", Outcome.BROKEN)
