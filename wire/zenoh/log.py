@@ -7,12 +7,14 @@ a separate process that tries once and whose output it reads, because the standa
 import asyncio
 import os
 import re
+import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable
 
 from wire.zenoh.link_trouble import Repeats, at_a_client, at_the_hub
+from wire.zenoh.session import in_thread
 
 PERIOD_S = 30.0
 """The supervisor logs each sentence at most once in this time."""
@@ -56,21 +58,20 @@ def report_refusals(start_log: Callable[[], None], say: Callable[[str], None]) -
 
 async def why_refused(endpoint: str, namespace: str, keys: str) -> str | None:
     """Try to connect in a separate process, and return why the link is refused; None if it is not."""
-    process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-P", "-m", "wire.zenoh.connect", endpoint, namespace, keys),
-        stdin=asyncio.subprocess.DEVNULL,
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.DEVNULL,
+    process = subprocess.Popen(  # noqa: ASYNC220 - asyncio starts its processes in the loop too
+        [sys.executable, "-P", "-m", "wire.zenoh.connect", endpoint, namespace, keys],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
     )
     try:
-        output, _ = await asyncio.wait_for(process.communicate(), PROBE_LIMIT_S)
+        async with asyncio.timeout(PROBE_LIMIT_S):
+            # A process of asyncio prints warnings if it is killed when it ends, or ends after the event loop.
+            output, _ = await in_thread(process.communicate)
     except TimeoutError:
         return None
     finally:
-        if process.returncode is None:
-            process.kill()
-            # asyncio prints a warning if the process ends after the event loop is closed.
-            await process.communicate()
+        process.kill()
     lines = COLOUR.sub("", output.decode(errors="replace")).splitlines()
     return next(filter(None, map(at_a_client, lines)), None)
