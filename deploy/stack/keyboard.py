@@ -16,7 +16,7 @@ from contextlib import suppress
 ROWS, COLUMNS = 24, 100
 SCREEN_BYTES = 4096
 BUFFER_READS = 16
-"""Of `SCREEN_BYTES`: what the kernel keeps of a terminal's output."""
+"""Of `SCREEN_BYTES`: three times what the kernel keeps of a terminal's output. A limit, because the program may still print."""
 END_LIMIT_S = 4.0
 REQUEST, REPLY = b"\x1b[5n", b"\x1b[0n"
 """A status request of the program, and the terminal's reply."""
@@ -50,7 +50,7 @@ class Screen:
 
     @property
     def last_lines(self) -> str:
-        """The last three non-empty lines, without escape sequences; also those that the event loop has not read yet."""
+        """The last three non-empty lines, without escape sequences, including output that the event loop has not read yet."""
         for _ in range(0 if self._is_closed else BUFFER_READS):
             self._on_output()
         text = ESCAPE.sub("", self.output.decode(errors="replace"))
