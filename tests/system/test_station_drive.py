@@ -58,25 +58,39 @@ async def key(tab: Tab, code: str, *, down: bool) -> None:
     await tab.do("Input.dispatchKeyEvent", type=kind, code=code, key=code[-1].lower())
 
 
-async def press_anew(tab: Tab, code: str) -> None:
-    """Release and press a key: on a busy machine, the page may have forgotten that it is held."""
-    await key(tab, code, down=False)
-    await key(tab, code, down=True)
+async def press_w(tab: Tab) -> None:
+    """Release and press it: on a busy machine, the page may have forgotten that it was released."""
+    await release_w(tab)
+    await key(tab, "KeyW", down=True)
 
 
-async def pull(tab: Tab) -> None:
+async def release_w(tab: Tab) -> None:
+    await key(tab, "KeyW", down=False)
+
+
+async def pull_stick(tab: Tab) -> None:
     """Pull the stick ahead with the mouse."""
     x, y = await tab.middle_of("#stick")
     await tab.mouse("mousePressed", x, y)
     await tab.mouse("mouseMoved", x, y - 60)
 
 
-async def drives(subject: Robot, tab: Tab, hold: Callable[[], Awaitable[None]]) -> None:
-    """Hold something until the robot drives; on a busy machine, the page is reset and tried again."""
+async def release_stick(tab: Tab) -> None:
+    await tab.mouse("mouseReleased", 10, 10)
+
+
+async def drives(
+    subject: Robot,
+    tab: Tab,
+    hold: Callable[[Tab], Awaitable[None]] = press_w,
+    let_go: Callable[[Tab], Awaitable[None]] = release_w,
+) -> None:
+    """Hold something until the robot drives; on a busy machine, which may stop it, let go, reset and try again."""
 
     async def attempt() -> None:
+        await let_go(tab)
         await may_drive(subject, tab)
-        await hold()
+        await hold(tab)
         await subject.until(lambda: subject.status.permitted.linear.x > SLOW_M_S, "motion", PATIENCE_S / 4)
 
     await patiently(attempt)
@@ -92,9 +106,9 @@ async def may_drive(subject: Robot, tab: Tab) -> None:
 
 async def test_a_held_key_drives_and_its_release_stops(tmp_path: Path) -> None:
     async with wheel(tmp_path) as (subject, _, _, tab):
-        await drives(subject, tab, lambda: press_anew(tab, "KeyW"))
+        await drives(subject, tab)
         assert ESTOP not in subject.status.reasons
-        await key(tab, "KeyW", down=False)
+        await release_w(tab)
         await stands(subject)
         await subject.ready()
 
@@ -103,11 +117,11 @@ async def test_the_stick_drives_while_the_mouse_holds_it_and_a_touch_of_the_pict
     tmp_path: Path,
 ) -> None:
     async with wheel(tmp_path) as (subject, _, _, tab):
-        await drives(subject, tab, lambda: pull(tab))
-        await tab.mouse("mouseReleased", 10, 10)
+        await drives(subject, tab, pull_stick, release_stick)
+        await release_stick(tab)
         await stands(subject)
-        await drives(subject, tab, lambda: pull(tab))
-        await tab.mouse("mouseReleased", 10, 10)
+        await drives(subject, tab, pull_stick, release_stick)
+        await release_stick(tab)
         await tab.click(*await tab.middle_of("#map"))
         await subject.until(lambda: ESTOP in subject.status.causes, "its press")
 
@@ -116,13 +130,13 @@ async def test_of_two_controls_that_are_held_neither_drives_when_the_other_one_i
     tmp_path: Path,
 ) -> None:
     async with wheel(tmp_path) as (subject, _, _, tab):
-        await drives(subject, tab, lambda: pull(tab))
-        await press_anew(tab, "KeyW")
+        await drives(subject, tab, pull_stick, release_stick)
+        await press_w(tab)
         await stands(subject)
         await shows(tab, "drive-reason", "Two controls are held")
-        await tab.mouse("mouseReleased", 10, 10)
+        await release_stick(tab)
         await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion by a release", 0.5)
-        await drives(subject, tab, lambda: press_anew(tab, "KeyW"))
+        await drives(subject, tab)
 
 
 async def test_a_driver_hands_over_to_the_person_who_asks_and_the_incident_names_both(tmp_path: Path) -> None:
@@ -132,25 +146,25 @@ async def test_a_driver_hands_over_to_the_person_who_asks_and_the_incident_names
     ):
         ben = await second.open(await server.new_address())
         await ben.waits_for("document.body?.dataset.picture === 'true'")
-        await drives(subject, anna, lambda: press_anew(anna, "KeyW"))
+        await drives(subject, anna)
         await shows(ben, "drive-begin", "Anna drives. Ask to drive")
         await takes(ben, "Ben")
         await shows(ben, "drive-turn", "Wait for Anna, who loses control after")
         await shows(anna, "drive-turn", "Ben asks to drive:")
         assert subject.status.permitted.linear.x > 0.0, "a question stops nothing"
         assert ESTOP not in subject.status.reasons, "a name was typed"
-        await key(ben, "KeyW", down=True)
+        await press_w(ben)
         await anna.click(*await anna.middle_of("#hand-over"))
         await stands(subject)
         await shows(anna, "drive-ended", "You handed over to Ben. Press Drive to drive again.")
         await ben.waits_for("document.getElementById('drive-turn').textContent === ''")
         await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion by the hand-over", 1.0)
-        await key(anna, "KeyW", down=False)
-        await key(ben, "KeyW", down=False)
-        await drives(subject, ben, lambda: press_anew(ben, "KeyW"))
+        await release_w(anna)
+        await release_w(ben)
+        await drives(subject, ben)
         await anna.click(*await anna.middle_of("#map"))
         await subject.until(lambda: ESTOP in subject.status.causes, "her press")
-        await key(ben, "KeyW", down=False)
+        await release_w(ben)
 
         def people() -> str:
             boxes = black_boxes(tmp_path / "blackbox")
@@ -192,15 +206,17 @@ async def test_two_thumbs_drive_and_a_third_finger_stops(tmp_path: Path) -> None
         await tab.do("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=5)
         await tab.waits_for("document.getElementById('enable').offsetWidth > 0")
 
-        async def hold() -> None:
-            with suppress(AssertionError):  # nothing touches
-                await tab.touch("touchEnd")
+        async def hold(tab: Tab) -> None:
             enable, (x, y) = await tab.middle_of("#enable"), await tab.middle_of("#stick")
             await tab.touch("touchStart", enable)
             await tab.touch("touchStart", enable, (x, y))
             await tab.touch("touchMove", enable, (x, y - 40))
 
-        await drives(subject, tab, hold)
+        async def let_go(tab: Tab) -> None:
+            with suppress(AssertionError):  # nothing touches
+                await tab.touch("touchEnd")
+
+        await drives(subject, tab, hold, let_go)
         enable, (x, y) = await tab.middle_of("#enable"), await tab.middle_of("#stick")
         await tab.touch("touchStart", enable, (x, y - 40), await tab.middle_of("#speed"))
         await stands(subject)
@@ -244,7 +260,7 @@ async def test_a_robot_that_drives_stops_when_the_page_loses_its_driver(
     tmp_path: Path, lose: Callable[[Browser, Tab], Awaitable[None]]
 ) -> None:
     async with wheel(tmp_path) as (subject, _, chromium, tab):
-        await drives(subject, tab, lambda: press_anew(tab, "KeyW"))
+        await drives(subject, tab)
         await lose(chromium, tab)
         await stands(subject)
         await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion again", 1.0)
@@ -255,7 +271,7 @@ async def test_a_key_is_held_no_more_when_the_process_of_the_browser_hangs_that_
 ) -> None:
     """Also if the robot does not depend on the lease of this page, as after a hand-over."""
     async with wheel(tmp_path, required=False) as (subject, _, chromium, tab):
-        await drives(subject, tab, lambda: press_anew(tab, "KeyW"))
+        await drives(subject, tab)
         chromium.stop_part("")
         await stands(subject)
         assert not {"OBSTACLE", "COMMAND_TIMEOUT"} & set(subject.status.reasons), "something else stopped it"
@@ -272,19 +288,19 @@ async def test_the_press_of_a_driver_without_the_lease_is_released_at_the_same_p
         ben = await chromium.open(await server.new_address())
         await ben.waits_for("document.body?.dataset.picture === 'true'")
         await takes(ben, "Ben")
-        await drives(subject, ben, lambda: press_anew(ben, "KeyW"))
-        await key(ben, "KeyW", down=False)
+        await drives(subject, ben)
+        await release_w(ben)
         await ben.click(*await ben.middle_of("#map"))
         await subject.until(lambda: ESTOP in subject.status.causes, "his press")
         await ben.shows("NOT HEARD", "Pressed, and the robot is stopped.")
         await ben.waits_for("!document.getElementById('release').hidden")
         await release(subject, ben, "NOT HEARD")
-        await drives(subject, ben, lambda: press_anew(ben, "KeyW"))
+        await drives(subject, ben)
 
 
 async def test_a_killed_server_stops_the_robot(tmp_path: Path) -> None:
     async with wheel(tmp_path) as (subject, server, _, tab):
-        await drives(subject, tab, lambda: press_anew(tab, "KeyW"))
+        await drives(subject, tab)
         server.process.kill()
         await stands(subject)
         await subject.never(lambda: subject.status.permitted.linear.x > 0.0, "motion again", 1.0)
@@ -294,8 +310,8 @@ async def test_a_killed_server_stops_the_robot(tmp_path: Path) -> None:
 async def test_from_a_key_to_cmd_vel(tmp_path: Path) -> None:
     """Forward and back in turn, so that the robot stays where it is."""
     async with wheel(tmp_path) as (subject, _, _, tab):
-        await drives(subject, tab, lambda: press_anew(tab, "KeyW"))
-        await key(tab, "KeyW", down=False)
+        await drives(subject, tab)
+        await release_w(tab)
         await stands(subject)
         down_s, up_s = list[float](), list[float]()
         for number in range(PRESSES):
