@@ -97,8 +97,10 @@ async def drives(
 
 
 async def may_drive(subject: Robot, tab: Tab) -> None:
-    """Reset the e-stop if it is latched, and wait until the robot stands ready."""
+    """Press Drive again if a busy machine has ended it, reset the e-stop if it is latched, and wait until the robot stands ready."""
     await heard(subject, "phone")
+    if await tab.evaluate("document.body.dataset.driving") != "true":
+        await takes(tab, "")
     if {"ESTOP", "ESTOP_STATION_LOST"} & set(subject.status.reasons):
         await tab.click(*await tab.middle_of("#reset"))
     await subject.ready(PATIENCE_S / 4)
