@@ -12,7 +12,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from tests.system.test_station_drive import drives, key, wheel
+from tests.system.test_station_drive import drives, wheel
 
 IMAGE = Path(__file__).parents[1] / "images" / "page.png"
 WIDTH_PX, HEIGHT_PX = 1000, 640
@@ -30,7 +30,7 @@ async def _draw(directory: Path) -> None:
             deviceScaleFactor=1,
             mobile=True,
         )
-        await drives(robot, tab, lambda: key(tab, "KeyW", down=True))
+        await drives(robot, tab)
         began_m = robot.x_m
         await robot.until(lambda: abs(robot.x_m - began_m) > DISTANCE_M, "the distance")
         shot = await tab.do("Page.captureScreenshot", format="png")
